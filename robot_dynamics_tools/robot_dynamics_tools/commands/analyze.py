@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-import sys
 
 import numpy as np
 from robot_dynamics.dependencies import require
@@ -176,7 +175,3 @@ def _print_figures(results: Sequence[tasks.AnalysisResult]) -> None:
     if not all(np.isnan(values).all() for values in (use.effort, use.velocity, use.position)):
         print('\nUse of limits:')
         print(quantity_table(limit_use_rows(use, first.joint_names, first.joint_kinds, whose)))
-
-
-if __name__ == '__main__':
-    sys.exit(main())

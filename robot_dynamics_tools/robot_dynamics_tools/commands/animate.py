@@ -12,7 +12,6 @@ import argparse
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-import sys
 
 import numpy as np
 from robot_dynamics.dependencies import require
@@ -34,9 +33,7 @@ from robot_dynamics_tools.pictures.planar_view import PlanarView
 from robot_dynamics_tools.recordings.reader import JointSeries, Recording
 from robot_dynamics_tools.reporting.progress import Progress
 
-DEFAULT_DURATION = 5.0
 LONGEST_DURATION = 600.0
-DEFAULT_RATE = 12.0
 SIMULATED_SPEED, RECORDED_SPEED = 0.5, 1.0
 CUTOFF = 5.0
 """Cut-off frequency [Hz] of the filter of recorded motions."""
@@ -71,22 +68,15 @@ def _parser() -> command_line.Parser:
         '--joints', nargs='+', default=[], metavar='JOINT',
         help='Joints with parallel axes (default: all); the other joints are locked')
     parser.add_argument(
-        '--from', type=float, default=0.0, metavar='S', dest='start',
-        help='Start time in the recording [s]')
-    parser.add_argument(
-        '--duration', type=float, default=DEFAULT_DURATION, metavar='S',
-        help='Duration of the motion [s] (default: %(default)g)')
-    parser.add_argument(
-        '--speed', type=float, metavar='X',
-        help='Playback speed as a multiple of real time (default: '
-             f'{SIMULATED_SPEED:g}, for a recording {RECORDED_SPEED:g})')
-    parser.add_argument(
-        '--rate', type=float, default=DEFAULT_RATE, metavar='HZ',
-        help='Frame rate [Hz] (default: %(default)g)')
-    parser.add_argument(
-        '--stop', type=float, nargs='*', metavar='S',
-        help='Times of the pauses that show the passes of the recursion [s]; no pause without a '
-             'value (default: one pause)')
+        '--from', **options.number(0.0, 'S', 'Start time in the recording [s]', dest='start'))
+    parser.add_argument('--duration', **options.number(5.0, 'S', 'Duration of the motion [s]'))
+    parser.add_argument('--speed', **options.number(
+        None, 'X', 'Playback speed as a multiple of real time (default: '
+        f'{SIMULATED_SPEED:g}, for a recording {RECORDED_SPEED:g})'))
+    parser.add_argument('--rate', **options.number(12.0, 'HZ', 'Frame rate [Hz]'))
+    parser.add_argument('--stop', **options.number(
+        None, 'S', 'Times of the pauses that show the passes of the recursion [s]; no pause '
+        'without a value (default: one pause)', nargs='*'))
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE',
         help='Output file: .gif, or .mp4 if ffmpeg is installed (default: out/<name of the '
@@ -186,7 +176,3 @@ def _check_joints(arm: ArmModel, series: JointSeries, path: Path) -> None:
                     f'recording {str(path)!r} moves the joint {name!r} up to {away:.2f} away '
                     f'from {value:g}, where it is locked: the animation would be wrong; '
                     'expected a joint at rest, or its name in --joints')
-
-
-if __name__ == '__main__':
-    sys.exit(main())

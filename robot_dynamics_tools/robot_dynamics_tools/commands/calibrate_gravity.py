@@ -61,19 +61,18 @@ def _parser() -> command_line.Parser:
         '--with-weight', nargs='+', type=Path, default=[], metavar='BAG',
         help='Recordings of holds with a known weight, which determines the scale; requires '
              '--weight-mass and --weight-link')
-    parser.add_argument('--weight-mass', type=float, metavar='KG', help='Mass of the weight [kg]')
+    parser.add_argument('--weight-mass', **options.number(None, 'KG', 'Mass of the weight [kg]'))
     parser.add_argument(
         '--weight-link', metavar='LINK', help='Link of the URDF that carries the weight')
-    parser.add_argument(
-        '--weight-position', nargs=3, type=float, default=(0.0, 0.0, 0.0), metavar=('X', 'Y', 'Z'),
-        help='Centre of mass of the weight in the frame of its link [m] (default: 0 0 0)')
+    parser.add_argument('--weight-position', **options.number(
+        (0.0, 0.0, 0.0), ('X', 'Y', 'Z'),
+        'Centre of mass of the weight in the frame of its link [m] (default: 0 0 0)', nargs=3))
     parser.add_argument(
         '--tool-link', metavar='LINK',
         help='Link that carries a tool that is not part of the URDF: its first moments are '
              'estimated, and its mass if --tool-mass is omitted')
-    parser.add_argument(
-        '--tool-mass', type=float, metavar='KG',
-        help='Known mass of this tool [kg]; required without --with-weight')
+    parser.add_argument('--tool-mass', **options.number(
+        None, 'KG', 'Known mass of this tool [kg]; required without --with-weight'))
     options.add_parameters(
         parser, 'joints, gravity, motors, measured_effort, effort; all are copied to the output')
     parser.add_argument(
@@ -205,7 +204,3 @@ def _print(found: RecordedCalibration, written: Sequence[Path]) -> None:
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in written))
     for note in report.notes(found.calibration):
         print(note)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

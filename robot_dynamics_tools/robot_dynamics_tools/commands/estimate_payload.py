@@ -12,7 +12,6 @@ import argparse
 from collections.abc import Sequence
 from functools import partial
 import json
-import sys
 
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
@@ -43,10 +42,7 @@ def _parser() -> command_line.Parser:
     parser.add_argument(
         '--link', required=True, metavar='NAME',
         help='Link to which the unknown body is attached; the URDF must not contain the body')
-    parser.add_argument(
-        '--cutoff', type=float, metavar='HZ',
-        help='Cut-off frequency of the low-pass filter [Hz] (default: 5, or less for slow joint '
-             'states)')
+    options.add_cutoff(parser, '5, or less for slow joint states')
     options.add_parameters(parser, 'joints, gravity, friction, motors, measured_effort')
     parser.add_argument(
         '--json', action='store_true', help='Print the result as JSON instead of text')
@@ -86,7 +82,3 @@ def print_payload(found: RecordedPayload) -> None:
             ('Dry friction at rest:', (estimate.friction,)),
             ('Remarks:', (*estimate.remarks, *found.remarks))):
         options.print_list(title, lines)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -11,7 +11,6 @@ import argparse
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-import sys
 
 import numpy as np
 from robot_dynamics.joints.units import units_of
@@ -29,10 +28,6 @@ from robot_dynamics_tools.excitation.excitation_trajectory import (
 )
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.reporting.text_table import quantity_table
-
-DEFAULT_DURATION = 10.0
-DEFAULT_HARMONICS = 5
-DEFAULT_LEAD = 3.0
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -59,32 +54,24 @@ def _parser() -> command_line.Parser:
     parser.add_argument(
         '--joints', nargs='+', default=[], metavar='JOINT',
         help='Joints to move, like the parameter joints (default: all); the others are locked')
-    parser.add_argument(
-        '--start', nargs='+', type=float, metavar='Q',
-        help='Joint positions at the start and the end of the motion, one per joint [rad] or [m] '
-             '(default: a pose well within the limits)')
-    parser.add_argument(
-        '--duration', type=float, default=DEFAULT_DURATION, metavar='S',
-        help='Duration of the motion [s] (default: %(default)g)')
-    parser.add_argument(
-        '--harmonics', type=int, default=DEFAULT_HARMONICS, metavar='N',
-        help='Number of harmonics of the series; the highest frequency is N / duration [Hz] '
-             '(default: %(default)d)')
-    parser.add_argument(
-        '--lead', type=float, default=DEFAULT_LEAD, metavar='S',
-        help='Time to reach the start before the motion [s] (default: %(default)g)')
-    for name, default, words in (
-            ('position-margin', 0.05, 'Fraction of each position range to keep free at each end'),
-            ('velocity-scale', 0.6, 'Fraction of the velocity limits to use'),
-            ('effort-scale', 0.8, 'Fraction of the effort limits to use'),
-            ('acceleration', 6.0, 'Largest acceleration [rad/s²] or [m/s²]')):
-        parser.add_argument(
-            f'--{name}', type=float, default=default, metavar='X',
-            help=f'{words} (default: %(default)g)')
-    parser.add_argument(
-        '--seed', type=int, default=0, metavar='N',
-        help='Seed of the random search; the same seed gives the same trajectory on any processor '
-             '(default: %(default)d)')
+    parser.add_argument('--start', **options.number(
+        None, 'Q', 'Joint positions at the start and the end of the motion, one per joint [rad] '
+        'or [m] (default: a pose well within the limits)', nargs='+'))
+    parser.add_argument('--harmonics', **options.number(
+        5, 'N', 'Number of harmonics of the series; the highest frequency is N / duration [Hz]',
+        int))
+    for name, default, metavar, text in (
+            ('duration', 10.0, 'S', 'Duration of the motion [s]'),
+            ('lead', 3.0, 'S', 'Time to reach the start before the motion [s]'),
+            ('position-margin', 0.05, 'X',
+             'Fraction of each position range to keep free at each end'),
+            ('velocity-scale', 0.6, 'X', 'Fraction of the velocity limits to use'),
+            ('effort-scale', 0.8, 'X', 'Fraction of the effort limits to use'),
+            ('acceleration', 6.0, 'X', 'Largest acceleration [rad/s²] or [m/s²]')):
+        parser.add_argument(f'--{name}', **options.number(default, metavar, text))
+    parser.add_argument('--seed', **options.number(
+        0, 'N', 'Seed of the random search; the same seed gives the same trajectory on any '
+        'processor', int))
     return parser
 
 
@@ -141,7 +128,3 @@ def _report(arm: ArmModel, excitation: Excitation, found: ExcitingTrajectory) ->
 def _effort(effort: float, limit: float, kind: str) -> str:
     percentage = f' ({100.0 * effort / limit:.0f} %)' if limit < float('inf') else ''
     return f'{effort:.2f} {units_of(kind).effort}{percentage}'
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -49,7 +49,3 @@ def _run(arguments: argparse.Namespace) -> int:
     if omitted:
         print(f'export_mjcf: MuJoCo has no counterpart of {", ".join(omitted)}', file=sys.stderr)
     return command_line.DONE
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-import sys
 
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
@@ -53,11 +52,10 @@ def _parser() -> command_line.Parser:
         epilog='exit status: 0 done, 1 some recordings failed, 2 a mistake in the arguments or '
                'nothing could\nbe identified, 130 interrupted')
     options.add_recordings(parser, None)
-    parser.add_argument(
-        '--train-fraction', type=options.number_in(0.001, 1.0), default=0.6, metavar='SHARE',
-        help='Fraction of the samples, from the first on, that is used for training; the others '
-             'test the model (default: 0.6). With 1, the model is tested on the '
-             'cross-validation folds')
+    parser.add_argument('--train-fraction', **options.number(
+        0.6, 'SHARE', 'Fraction of the samples, from the first on, that is used for training; the '
+        'others test the model. With 1, the model is tested on the cross-validation folds',
+        options.number_in(0.001, 1.0)))
     parser.add_argument(
         '--samples', action='store_true',
         help='Also write the samples of the test part of each recording, with the effort of the '
@@ -161,7 +159,3 @@ def print_identification(
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in paths))
     options.print_list('Notes on the files:', notes)
     options.print_failures('identify', found.failed)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

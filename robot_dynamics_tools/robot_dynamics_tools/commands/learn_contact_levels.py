@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from functools import partial
 import json
 from pathlib import Path
-import sys
 
 from robot_dynamics.monitoring.contact_levels import EXPECTED
 from robot_dynamics.tools import command_line
@@ -32,9 +31,8 @@ def _parser() -> command_line.Parser:
     options.add_recordings(parser, None)
     options.add_parameters(parser, (
         'joints, friction, motors, measured_effort, external_effort_bandwidth (not payload.*)'))
-    parser.add_argument(
-        '--alarms-per-hour', type=float, default=1.0, metavar='RATE',
-        help='Most false alarms per hour of all joints together. The default is 1.')
+    parser.add_argument('--alarms-per-hour', **options.number(
+        1.0, 'RATE', 'Most false alarms per hour of all joints together'))
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE',
         help='Parameter file for dynamics_node. Without it, the levels are only printed.')
@@ -72,7 +70,3 @@ def _run(arguments: argparse.Namespace) -> int:
         lines.append(f'Written: {output}, a parameter file of dynamics_node')
     print(json.dumps(data, indent=2) if arguments.json else '\n'.join(lines))
     return command_line.DONE
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -12,7 +12,6 @@ import argparse
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-import sys
 from typing import Any
 
 import numpy as np
@@ -70,28 +69,23 @@ def _parser() -> command_line.Parser:
     parser.add_argument(
         '--at', nargs='+', default=[], metavar='JOINT',
         help='Joints whose effort or inertia is drawn (default: the joints along the axes)')
-    parser.add_argument(
-        '--position', nargs='+', type=float, default=[], metavar='X',
-        help='Positions of all joints [rad] or [m], for the joints that are not along an axis '
-             '(default: 0, or the nearest limit)')
-    for flag, unit in (('--velocity', '[rad/s] or [m/s]'), (
-            '--acceleration', '[rad/s²] or [m/s²]')):
-        parser.add_argument(
-            flag, nargs='+', type=float, default=[], metavar='X',
-            help=f'{flag[2:].capitalize()} of all joints {unit}, for motion (default: 0)')
-    parser.add_argument(
-        '--payload', type=float, default=0.0, metavar='KG',
-        help='Mass at the origin of --link [kg] (default: none)')
+    for name, text in (
+            ('position', 'Positions of all joints [rad] or [m], for the joints that are not along '
+                         'an axis (default: 0, or the nearest limit)'),
+            ('velocity', 'Velocity of all joints [rad/s] or [m/s], for motion (default: 0)'),
+            ('acceleration',
+             'Acceleration of all joints [rad/s²] or [m/s²], for motion (default: 0)')):
+        parser.add_argument(f'--{name}', **options.number([], 'X', text, nargs='+'))
+    parser.add_argument('--payload', **options.number(
+        0.0, 'KG', 'Mass at the origin of --link [kg]'))
     parser.add_argument(
         '--link', metavar='NAME',
         help='Link that carries the payload and whose workspace is drawn (default: the last link)')
-    parser.add_argument(
-        '--pose', nargs=2, type=float, action='append', metavar='X',
-        help='Positions along the axes at which the arm is drawn; may be repeated (default: '
-             f'{POSES} × {POSES} evenly spaced poses)')
-    parser.add_argument(
-        '--samples', type=int, default=torque_grid.SAMPLES, metavar='N',
-        help='Number of positions of each of the two joints (default: %(default)d)')
+    parser.add_argument('--pose', **options.number(
+        None, 'X', 'Positions along the axes at which the arm is drawn; may be repeated (default: '
+        f'{POSES} × {POSES} evenly spaced poses)', nargs=2, action='append'))
+    parser.add_argument('--samples', **options.number(
+        torque_grid.SAMPLES, 'N', 'Number of positions of each of the two joints', int))
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE',
         help=f'Output file: {", ".join(FORMATS)}; {PAGE} is a report with a verdict per joint '
@@ -193,7 +187,3 @@ def _panel(what: str, arm: ArmModel, joint: int, values: FloatArray) -> MapPanel
 
 def _list(values: Any) -> str:
     return '(' + ', '.join(f'{value:g}' for value in values).replace('-', '−') + ')'
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 DEFAULT_DURATION = 10.0
 DEFAULT_RATE = 500.0
-LONGEST_DURATION = 3600.0
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -62,14 +61,12 @@ def _parser() -> command_line.Parser:
     options.add_robot(
         parser, '--robot',
         'the planar two-link arm, or with --replay the description in the recording', 'URDF')
-    parser.add_argument(
-        '--duration', type=options.number_in(1.0, LONGEST_DURATION), metavar='S',
-        help=f'Duration of the motion [s] (default: {DEFAULT_DURATION:g}); with --replay: play '
-             'only the first S seconds')
-    parser.add_argument(
-        '--rate', type=options.number_in(1.0, 10000.0), metavar='HZ',
-        help=f'Rate of the joint states [Hz] (default: {DEFAULT_RATE:g}); with --replay: largest '
-             'rate (default: as fast as the node responds)')
+    parser.add_argument('--duration', **options.number(
+        None, 'S', f'Duration of the motion [s] (default: {DEFAULT_DURATION:g}); with --replay: '
+        'play only the first S seconds', options.number_in(1.0, 3600.0)))
+    parser.add_argument('--rate', **options.number(
+        None, 'HZ', f'Rate of the joint states [Hz] (default: {DEFAULT_RATE:g}); with --replay: '
+        'largest rate (default: as fast as the node responds)', options.number_in(1.0, 10000.0)))
     parser.add_argument(
         '--trajectory', type=Path, metavar='FILE',
         help='YAML file with the trajectory_msgs/JointTrajectory to follow, in the format of '

@@ -122,8 +122,9 @@ def run_closed_loop(
 def _open_page(session: Session, page: ViewerPage) -> None:
     """Start viewer and monitor, print the address, and record until a browser opens the page."""
     session.processes.start('dynamics_monitor', processes.MONITOR, {})
-    viewer = session.processes.start('viewer', processes.VIEWER, {}, arguments=(
-        '--port', str(page.port), *(() if page.robot is None else ('--robot', page.robot))))
+    robot = () if page.robot is None else ('--robot', page.robot)
+    viewer = session.processes.start(
+        'viewer', processes.VERBS, {}, arguments=('viewer', '--port', str(page.port), *robot))
     session.wait_for(lambda: _address(viewer) is not None, 'the page of the viewer')
     print(f'\n  Open {_address(viewer)} in a browser: the motion begins when the page is open.\n',
           flush=True)

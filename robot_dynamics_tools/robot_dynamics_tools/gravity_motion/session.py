@@ -12,7 +12,6 @@ import time
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from geometry_msgs.msg import InertiaStamped
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
@@ -302,10 +301,7 @@ def _check_node(client: RecordingClient, arm: ArmModel, measured_effort: str) ->
 
 def _payloads(client: RecordingClient, arm: ArmModel) -> list[Payload]:
     """Return the payloads that the node compensates."""
-    messages = client.receive_latched(InertiaStamped, client.resolve('~/payload'))
-    newest = messages[-1].header.stamp if messages else None
-    found = [payload_from_ros(arm, message) for message in messages
-             if message.header.stamp == newest and message.inertia.m > 0.0]
+    found = [payload_from_ros(arm, message) for message in client.payloads()]
     return [payload for payload in found if payload is not None]
 
 

@@ -9,6 +9,7 @@ import os
 import time
 from typing import Any, TYPE_CHECKING, TypeVar
 
+from geometry_msgs.msg import InertiaStamped
 from rcl_interfaces.srv import GetParameters, SetParameters
 import rclpy
 from rclpy.context import Context
@@ -186,24 +187,22 @@ class DynamicsClient:
             if answer is not None:
                 taken.append(answer)
 
-        subscription = self.node.create_subscription(message_type, topic, offer, qos)
-        self.wait(lambda: bool(taken))
-        self.node.destroy_subscription(subscription)
+        with self.subscribed((message_type, topic, offer, qos)):
+            self.wait(lambda: bool(taken))
         return taken[0] if taken else None
 
-    def receive_latched(self, message_type: type, topic: str, depth: int = 32) -> list[Any]:
-        """Return the messages that a publisher has kept; none after the timeout."""
-        taken: list[Any] = []
-        qos = QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        subscription = self.node.create_subscription(message_type, topic, taken.append, qos)
-        if self.wait(lambda: bool(taken)):
-            self.wait(lambda: False, _GLANCE)
-        self.node.destroy_subscription(subscription)
-        return taken
+    def payloads(self) -> list[InertiaStamped]:
+        """Return the messages of the active payloads: those with the newest stamp."""
+        taken: list[InertiaStamped] = []
+        qos = QoSProfile(depth=32, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        with self.subscribed((InertiaStamped, self.resolve('~/payload'), taken.append, qos)):
+            if self.wait(lambda: bool(taken)):
+                self.wait(lambda: False, _GLANCE)
+        return [one for one in taken if one.header.stamp == taken[-1].header.stamp]
 
     @contextmanager
     def subscribed(
-        self, *topics: tuple[type, str, Callable[[Any], None], QoSProfile],
+        self, *topics: tuple[type, str, Callable[[Any], None], QoSProfile | int],
     ) -> Iterator[None]:
         """Pass the messages of topics (type, name, callback, QoS) to the callbacks in `with`."""
         subscriptions = [self.node.create_subscription(*topic) for topic in topics]

@@ -16,8 +16,9 @@ from rclpy.qos import qos_profile_sensor_data
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools.reporting.text_table import percent
-from robot_dynamics_tools.ros2_dynamics.answers import Units, values_at_rest
+from robot_dynamics_tools.ros2_dynamics.answers import Units
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, MONITOR, NoAnswerError
+from robot_dynamics_tools.ros2_dynamics.orders import values_at_rest
 from sensor_msgs.msg import JointState
 
 COMMAND_TIME = 1.5

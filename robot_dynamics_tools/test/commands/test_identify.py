@@ -214,7 +214,7 @@ def test_every_blas_kernel_makes_the_same_choices(tmp_path, short, urdf):
     printed = {}
     for name, environment in blas_environments().items():
         done = children.run(
-            [sys.executable, '-m', 'robot_dynamics_tools.commands.identify', str(short),
+            [sys.executable, '-m', 'robot_dynamics_tools', 'identify', str(short),
              '--urdf', str(urdf), '--output', str(tmp_path / 'out')],
             env=environment, capture_output=True, text=True, timeout=LONG)
         assert done.returncode == DONE, done.stderr

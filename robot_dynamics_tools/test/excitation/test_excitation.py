@@ -98,7 +98,7 @@ def test_every_blas_kernel_finds_the_same_trajectory(robot, tmp_path):
     for name, environment in blas_environments().items():
         file = tmp_path / f'{name}.yaml'
         children.run(
-            [sys.executable, '-m', 'robot_dynamics_tools.commands.excite', *urdf,
+            [sys.executable, '-m', 'robot_dynamics_tools', 'excite', *urdf,
              '--output', str(file)],
             env=environment, check=True, capture_output=True, timeout=LONG)
         points = json.loads(file.read_text(encoding='utf-8'))['points']
