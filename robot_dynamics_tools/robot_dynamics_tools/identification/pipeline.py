@@ -123,10 +123,9 @@ def fit_model(
     first: Sequence[FrictionStructure] | None = None,
 ) -> FittedModels:
     """Return the models that are fitted to the information of all recordings."""
-    prior = prior_of(arm).for_effort(information)
-    choice = choose_model(information, prior, first)
     return fit_models(
-        information.together(), choice, prior, inertial_parameters(bare_arm(arm)))
+        information.together(), *choose_model(information, prior_of(arm), first),
+        inertial_parameters(bare_arm(arm)))
 
 
 def identify(
@@ -172,14 +171,12 @@ def identify_recordings(
     begun = fit_model(arm, first)
     on_stage(STAGES[2])
     parts = recordings.reduce(steps.Reduction(begun.base, scale))
-    information, prior = merge(parts), prior_of(arm)
+    information = merge(parts)
     on_stage(STAGES[3])
-    models = fit_model(arm, information, begun.choice.structures)
+    models = fit_model(arm, information, begun.problem.structures)
     base = base_parameters_of(bare_arm(arm))
-    estimate = estimate_parameters(information, base, prior, models.choice.structures)
-    prior = prior.for_effort(information)
-    odd = contradicting_recordings(
-        parts, models.choice.structures, models.choice.weights, prior)
+    estimate = estimate_parameters(information, base, models.problem)
+    odd = contradicting_recordings(parts, models.problem)
     on_stage(STAGES[4])
     evaluated = recordings.evaluate(steps.Evaluation(
         models.by_name, 'consistent', scale, keeps_samples))
@@ -191,15 +188,15 @@ def identify_recordings(
              for name in models.by_name}
     is_cross_validated = tests['base'].samples[1] == 0
     if is_cross_validated:
-        tests = steps.cross_validated_tests(information, prior, models, tests)
-    usual = solve(grams_of(information.together()), models.choice.structures,
-                  models.choice.weights, prior, USUAL_REGULARIZATION)
+        tests = steps.cross_validated_tests(information, models, tests)
+    usual = solve(grams_of(information.together()), models.problem._replace(
+        regularization=USUAL_REGULARIZATION))
     ratios = gravity_ratios(bare_arm(arm), usual, np.concatenate([
         recording.shown.position[::_EVERY] for recording in evaluated]))
     return Identification(
         arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated),
-        difference_from_urdf(models.consistent, prior), far_from_urdf(arm.joint_names, ratios),
-        is_cross_validated)
+        difference_from_urdf(models.consistent, models.problem.prior),
+        far_from_urdf(arm.joint_names, ratios), is_cross_validated)
 
 
 def _first_pass(

@@ -23,8 +23,8 @@ consistent bodies: every body is a mass distribution. Friction and rotors are no
 problem is solved by Gauss–Newton steps within a trust region, starting from the URDF.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
@@ -144,18 +144,34 @@ def without_memory(fit: Fit) -> Fit:
     return Fit(fit.parameters, values, fit.structures)
 
 
-def own_variables(
-    structures: Sequence[FrictionStructure], p: int,
-) -> list[tuple[IntArray, slice]]:
-    """
-    Return the columns of a factor that belong to each joint, and the place of their variables.
+class Problem(NamedTuple):
+    """The cost function of a fit: structures of n joints, weights w (n,), the prior, and κ."""
 
-    The variables of the joints follow the p variables of the bodies; the reflected inertia is the
-    first one of its joint.
-    """
-    ends = p + np.cumsum([0, *(len(structure.columns) for structure in structures)])
-    return [(np.array(structure.columns) + p, slice(first, last))
-            for structure, first, last in zip(structures, ends, ends[1:])]
+    structures: tuple[FrictionStructure, ...]
+    weights: FloatArray
+    prior: Prior
+    regularization: float
+
+    @property
+    def own(self) -> list[tuple[IntArray, slice]]:
+        """
+        The columns of a factor that belong to each joint, and the place of their variables.
+
+        The variables of the joints follow the p variables of the bodies; the reflected inertia is
+        the first one of its joint.
+        """
+        p = self.prior.count
+        ends = p + np.cumsum([0, *(len(structure.columns) for structure in self.structures)])
+        return [(np.array(structure.columns) + p, slice(first, last))
+                for structure, first, last in zip(self.structures, ends, ends[1:])]
+
+    def fit_of(self, x: FloatArray) -> Fit:
+        """Return the fit of the variables x: p of the bodies, then those of `own`."""
+        p = self.prior.count
+        values = np.zeros((len(self.structures), COLUMN_COUNT))
+        for j, (columns, part) in enumerate(self.own):
+            values[j, columns - p] = x[part]
+        return Fit(x[:p], values, self.structures)
 
 
 def grams_of(factors: FloatArray) -> FloatArray:
@@ -163,17 +179,14 @@ def grams_of(factors: FloatArray) -> FloatArray:
     return np.asarray(np.swapaxes(factors, -1, -2) @ factors)
 
 
-def solve(
-    grams: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
-    prior: Prior, regularization: float,
-) -> Fit:
+def solve(grams: FloatArray, problem: Problem) -> Fit:
     """
     Return the fit to RᵀR (n, k, k) of each joint, by the normal equations, without bounds.
 
-    `weights` are w (n,), `regularization` is κ. The solution is fast, for selecting models.
+    The solution is fast, for selecting models.
     """
-    p = prior.count
-    own = own_variables(structures, p)
+    _, weights, prior, regularization = problem
+    p, own = prior.count, problem.own
     size = own[-1][1].stop
     H, g = np.zeros((size, size)), np.zeros(size)
     W = prior.rows.T @ prior.rows
@@ -192,34 +205,30 @@ def solve(
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
     x = scale * np.linalg.solve(
         scale[:, np.newaxis] * H * scale + _RIDGE * np.eye(size), scale * g)
-    return fit_of(x, structures, p)
+    return problem.fit_of(x)
 
 
-def solve_bounded(
-    factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
-    prior: Prior, regularization: float,
-) -> Fit:
+def solve_bounded(factors: FloatArray, problem: Problem) -> Fit:
     """
     Return the same fit to factors R (n, k, k), with non-negative friction and rotors.
 
     The method is least squares with bounds, which does not square the condition number.
     """
     lsq_linear = optional('scipy.optimize', 'identification').lsq_linear
-    A, b, low, high = bounded_problem(factors, structures, weights, prior, regularization)
+    A, b, low, high = bounded_problem(factors, problem)
     scale = 1.0 / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     found = lsq_linear(
         A * scale, b, (low / scale, high / scale), method='bvls', tol=1e-12, max_iter=1000)
-    return fit_of(scale * found.x, structures, prior.count)
+    return problem.fit_of(scale * found.x)
 
 
 def bounded_problem(
-    factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
-    prior: Prior, regularization: float,
+    factors: FloatArray, problem: Problem,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return A, b of |A x − b|², and the bounds of x (`own_variables`)."""
+    """Return A, b of |A x − b|², and the bounds of x (`Problem.own`)."""
+    structures, weights, prior, regularization = problem
     n, k, _ = factors.shape
-    p = prior.count
-    own = own_variables(structures, p)
+    p, own = prior.count, problem.own
     size = own[-1][1].stop
     A, b = np.zeros((n * k + size, size)), np.zeros(n * k + size)
     low, high = np.full(size, -np.inf), np.full(size, np.inf)
@@ -252,28 +261,17 @@ def is_physical(joint_values: FloatArray, largest: FloatArray) -> bool:
                 and values[DRY].sum() <= largest[DRY[0]])
 
 
-def fit_of(x: FloatArray, structures: Sequence[FrictionStructure], p: int) -> Fit:
-    """Return the fit of the variables x: p of the bodies, then those of `own_variables`."""
-    values = np.zeros((len(structures), COLUMN_COUNT))
-    for j, (columns, part) in enumerate(own_variables(structures, p)):
-        values[j, columns - p] = x[part]
-    return Fit(x[:p], values, tuple(structures))
-
-
-def consistent_fit(
-    factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
-    prior: Prior, regularization: float, start: Fit,
-) -> Fit:
+def consistent_fit(factors: FloatArray, problem: Problem, start: Fit) -> Fit:
     """
-    Return the physically consistent fit to factors R (n, k, k), with weights w (n,).
+    Return the physically consistent fit to factors R (n, k, k).
 
-    `regularization` is κ, `start` has the initial friction and rotors. Needs scipy.
+    `start` has the initial friction and rotors. Needs scipy.
     """
     least_squares = optional('scipy.optimize', 'identification').least_squares
-    p = prior.count
+    prior, p = problem.prior, problem.prior.count
     parts = [slice(i, i + pseudo_inertia.COUNT) for i in range(0, p, pseudo_inertia.COUNT)]
-    regularization = max(regularization, LEAST_REGULARIZATION)
-    A, b, low, high = bounded_problem(factors, structures, weights, prior, regularization)
+    regularization = max(problem.regularization, LEAST_REGULARIZATION)
+    A, b, low, high = bounded_problem(factors, problem._replace(regularization=regularization))
     n, k, _ = factors.shape
     # the divergence replaces the regularization of φ itself
     A[n * k:n * k + p], b[n * k:n * k + p] = 0.0, 0.0
@@ -300,16 +298,15 @@ def consistent_fit(
         return J
 
     x0 = np.concatenate([np.zeros(p), *(
-        start.joint_values[j, columns - p]
-        for j, (columns, _) in enumerate(own_variables(structures, p)))])
+        values[columns - p] for values, (columns, _) in zip(start.joint_values, problem.own))])
     low[:p], high[:p] = -np.inf, np.inf
     x0 = np.clip(x0, low + 1e-9 * (low == 0.0), high)
     found = least_squares(
         residuals, x0, derivative, bounds=(low, high), x_scale='jac', method='trf',
         max_nfev=MOST_EVALUATIONS, xtol=1e-9, ftol=1e-9, gtol=1e-9)
     x = np.asarray(found.x)
-    fit = fit_of(x, structures, p)
+    fit = problem.fit_of(x)
     # the solver stops just inside its bounds; without effort, parameters are undetermined
-    is_zero = (np.abs(fit.joint_values) < 1e-8) | (weights <= 0.0)[:, np.newaxis]
+    is_zero = (np.abs(fit.joint_values) < 1e-8) | (problem.weights <= 0.0)[:, np.newaxis]
     values = np.where(is_zero, 0.0, fit.joint_values)
     return replace(fit, parameters=bodies_of(x), joint_values=values)

@@ -91,8 +91,7 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
     """Return all figures as types of JSON."""
     identification = found.identification
     arm, estimate = identification.arm, identification.estimate
-    models, choice = identification.models, identification.models.choice
-    gains = identification.gains
+    models, gains = identification.models, identification.gains
     friction = identified_arm.fitted_friction(arm, models.consistent)
     return {
         'arm': arm.name,
@@ -109,7 +108,8 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
                 'test_rms': _numbers(test.rms())}
             for model, test in identification.tests.items()},
         'cross_validation': {
-            'relative_residual': _numbers(choice.validated), 'pull': choice.regularization},
+            'relative_residual': _numbers(models.validated),
+            'pull': models.problem.regularization},
         'rank': identification.base.rank,
         'condition_number': _number(estimate.condition),
         'base_parameters': [
@@ -131,7 +131,7 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
              'relative_deviation': _number(estimate.relative_deviations[i])}
             for i in range(estimate.base_count, len(estimate.names))],
         'friction': [
-            {'joint': name, 'structure': str(choice.structures[j]),
+            {'joint': name, 'structure': str(models.problem.structures[j]),
              'reflected_inertia': float(models.consistent.joint_values[j, INERTIA]),
              **{field.name: float(getattr(friction, field.name)[j])
                 for field in FRICTION_FIELDS if field.heading}}

@@ -64,7 +64,6 @@ def fact_rows(found: BagIdentification) -> Rows:
     identification = found.identification
     facts = [recording.facts for recording in identification.recordings]
     test = identification.tests['consistent']
-    choice = identification.models.choice
     cutoffs = sorted({f'{each.cutoff_hz:.3g}' for each in facts}, key=float)
     return [
         ('arm', f'{identification.arm.name}, {identification.arm.joint_count} joints'),
@@ -81,7 +80,7 @@ def fact_rows(found: BagIdentification) -> Rows:
                             f'{identification.base.matrix.shape[1]} parameters (rank)'),
         ('condition number', f'{identification.estimate.condition:.3g} of their columns'),
         ('regularisation towards the URDF',
-         f'κ = {choice.regularization:g}, chosen by cross-validation'),
+         f'κ = {identification.models.problem.regularization:g}, chosen by cross-validation'),
         ('bodies by those of the URDF', _bodies(identification)),
     ]
 
@@ -189,7 +188,7 @@ def not_separable(identification: Identification) -> dict[str, tuple[str, ...]]:
 def _of_friction(identification: Identification) -> Iterator[str]:
     names = identification.arm.joint_names
     excitation = identification.information.excitation
-    structures = identification.models.choice.structures
+    structures = identification.models.problem.structures
     for name in not_separable(identification):
         j = names.index(name)
         used = [word for word, columns in (
@@ -239,7 +238,7 @@ def _of_excitation(identification: Identification) -> Iterator[str]:
         yield (f'{base} of {estimate.base_count} base parameters and '
                f'{len(estimate.unexcited) - base} of {len(estimate.names) - estimate.base_count} '
                f'joint parameters are not excited and stay near the URDF, or 0: {names}')
-    if identification.models.choice.regularization == REGULARIZATIONS[-1]:
+    if identification.models.problem.regularization == REGULARIZATIONS[-1]:
         yield ('in the cross-validation, no masses predict the recording better than those of '
                'the URDF: only friction was identified')
 

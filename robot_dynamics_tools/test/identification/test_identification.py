@@ -39,7 +39,7 @@ from robot_dynamics_tools.identification.regression import (
     reduce_motion,
     regression_rows,
 )
-from robot_dynamics_tools.identification.regularized_fit import without_memory
+from robot_dynamics_tools.identification.regularized_fit import Problem, without_memory
 from robot_dynamics_tools.identification.uncertainty import estimate_parameters
 from robots import robot_urdf
 
@@ -57,8 +57,8 @@ def true_values(arm):
 
 def estimate(*motions, reference=None):
     return estimate_parameters(
-        merge([reduce_motion(ARM, motion, 1.0, reference) for motion in motions]), BASE, PRIOR,
-        [SIGMOID] * 2)
+        merge([reduce_motion(ARM, motion, 1.0, reference) for motion in motions]), BASE,
+        Problem((SIGMOID, SIGMOID), np.ones(2), PRIOR, 1.0))
 
 
 @pytest.fixture(scope='module')
