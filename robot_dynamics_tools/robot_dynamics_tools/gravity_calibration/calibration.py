@@ -23,11 +23,11 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.worst_gravity import sample_positions
+from robot_dynamics_tools.estimated_weights import NORMAL
 from robot_dynamics_tools.gravity_calibration.gravity_model import gravity_regressor, link_columns
 from robot_dynamics_tools.gravity_calibration.holds import Hold, pair_holds, PairedHolds
 from robot_dynamics_tools.gravity_calibration.scale_fit import (
     fit_scales,
-    NORMAL,
     Observations,
     ScaleFit,
     Spread,
