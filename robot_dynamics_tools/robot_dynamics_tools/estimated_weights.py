@@ -24,6 +24,6 @@ def estimated_weights(share: FloatArray, freedom: FloatArray) -> tuple[FloatArra
     """
     of_group = freedom[:, None]
     factor = np.sqrt(1.0 + 4.0 * (share * (1.0 - share) / of_group).sum(axis=0))
-    effective = 1.0 / np.maximum((share**2 / of_group).sum(axis=0), 1.0 / _UNLIMITED)
+    effective = 1.0 / np.maximum((share**2 / of_group).sum(axis=0), 1e-9)
     quantile = optional('scipy.special', 'an interval of confidence').stdtrit
     return factor, np.asarray(quantile(effective, 0.5 + 0.5 * CONFIDENCE))

@@ -134,12 +134,7 @@ def _closed_loop(
     arguments: argparse.Namespace, given: str | None, directory: Path, origin: 'Origin',
 ) -> int:
     from robot_dynamics_tools.demo.loop import run_closed_loop, ViewerPage
-    from robot_dynamics_tools.demo.report import (
-        loop_report,
-        print_report,
-        save_picture,
-        write_loop_page,
-    )
+    from robot_dynamics_tools.demo.report import loop_report, print_report, write_loop_page
     from robot_dynamics_tools.demo.session import PICTURE, RECORDING, REPORT
     urdf = _written(given or options.read_robot(None), directory)
     arm = _arm(urdf, arguments.parameters)
@@ -152,10 +147,8 @@ def _closed_loop(
         print_report(report, run)
         print(f'Recording        {directory / RECORDING}')
         if not arguments.no_plot:
-            save_picture(report, arm, directory / PICTURE)
+            write_loop_page(report, run, directory / PICTURE, directory / REPORT, origin)
             print(f'Figure           {directory / PICTURE}')
-            write_loop_page(
-                report, run, arm, directory / PICTURE, directory / REPORT, origin)
             print(f'Report           {directory / REPORT}')
     except (RobotDynamicsError, OSError) as error:
         if not run.interrupted:

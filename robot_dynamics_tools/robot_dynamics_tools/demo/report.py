@@ -19,12 +19,10 @@ from robot_dynamics_tools.recordings.reader import Recording, stack, stamp_ns
 from robot_dynamics_tools.reporting.figures import (
     effort_panel,
     error_panel,
-    joint_figure,
     Panel,
     position_panel,
-    save_figure,
 )
-from robot_dynamics_tools.reporting.interactive import zoomable_figures
+from robot_dynamics_tools.reporting.interactive import add_time_figures
 from robot_dynamics_tools.reporting.text_table import quantity_table
 
 LARGEST_RMS = 0.01
@@ -51,8 +49,7 @@ class LoopReport:
     command; `efforts_per_second` and `wall_seconds` are measured on the wall clock.
     """
 
-    joint_names: tuple[str, ...]
-    joint_kinds: tuple[str, ...]
+    arm: ArmModel
     times: FloatArray
     reference: FloatArray
     measured: FloatArray
@@ -76,7 +73,7 @@ class LoopReport:
     @property
     def missed(self) -> list[str]:
         """The joints that did not track."""
-        return [name for name, rms in zip(self.joint_names, self.rms) if not rms < LARGEST_RMS]
+        return [name for name, rms in zip(self.arm.joint_names, self.rms) if not rms < LARGEST_RMS]
 
 
 def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport:
@@ -100,7 +97,7 @@ def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport
     commanded = np.isin(stamps, commands.stamps_ns)
     term_during = (term_stamps >= run.start_ns) & (term_stamps <= run.end_ns)
     return LoopReport(
-        arm.joint_names, arm.joint_kinds, times, reference, measured, error,
+        arm, times, reference, measured, error,
         _seconds(term_stamps[term_during] - run.start_ns),
         {name: values[term_during] for name, values in terms.items()},
         float(commanded.mean()), (len(arrivals) - 1) / wall_seconds, wall_seconds)
@@ -118,7 +115,7 @@ def error_rows(report: LoopReport) -> list[tuple[str, ...]]:
     """Return the errors of each joint, after a row of titles."""
     rows: list[tuple[str, ...]] = [('joint', 'RMS error', 'largest error', 'limit of RMS')]
     for name, kind, rms, largest in zip(
-            report.joint_names, report.joint_kinds, report.rms, report.largest):
+            report.arm.joint_names, report.arm.joint_kinds, report.rms, report.largest):
         text = units_of(kind).error_text
         rows.append((name, text(rms), text(largest), text(LARGEST_RMS)))
     return rows
@@ -142,47 +139,42 @@ def rate_lines(report: LoopReport, run: LoopRun) -> list[str]:
             f'{run.motion.worst_joint} (planned)']
 
 
-def loop_panels(report: LoopReport, arm: ArmModel) -> tuple[Panel, ...]:
+def loop_panels(report: LoopReport) -> tuple[Panel, ...]:
     """Return the panels of positions, errors, and the effort by term."""
+    friction = report.arm.friction
     lines = {name: values for name, values in report.terms.items()
-             if name != 'friction' or arm.friction.viscous.any() or arm.friction.coulomb.any()}
+             if name != 'friction' or friction.viscous.any() or friction.coulomb.any()}
     return (
         position_panel(report.times, report.reference, report.measured),
         error_panel(report.times, report.error),
         effort_panel('Effort by term', report.term_times, lines))
 
 
-def save_picture(report: LoopReport, arm: ArmModel, path: Path) -> None:
-    """Write the figure of `loop_panels`; raise OSError."""
-    title = f'{arm.name}: reference and measured position, and the commanded effort by term'
-    save_figure(joint_figure(
-        title, report.joint_names, report.joint_kinds, loop_panels(report, arm)), path)
-
-
 def write_loop_page(
-    report: LoopReport, run: LoopRun, arm: ArmModel, picture: Path, path: Path, origin: Origin,
+    report: LoopReport, run: LoopRun, picture: Path, path: Path, origin: Origin,
 ) -> None:
-    """Write the report of a closed loop, with the figure in `picture`; raise OSError."""
-    page = Page(f'{arm.name}: closed loop', loop_verdicts(report, arm), RULE, origin)
+    """Write the report of a closed loop, and its figure as `picture`; raise OSError."""
+    name = report.arm.name
+    page = Page(f'{name}: closed loop', loop_verdicts(report), RULE, origin)
     page.section('Tracking error')
     page.table(error_rows(report))
     page.section('Rates')
     page.items(' '.join(line.split()) for line in rate_lines(report, run))
     page.section('Position, tracking error and effort over time')
-    figures = zoomable_figures(
-        report.joint_names, report.joint_kinds, loop_panels(report, arm), None,
-        picture.read_bytes(), 'Position, tracking error and effort by term')
-    page.add(figures.figures, figures.head)
+    picture.write_bytes(add_time_figures(
+        page, report.arm,
+        f'{name}: reference and measured position, and the commanded effort by term',
+        loop_panels(report), 'Position, tracking error and effort by term'))
     path.write_text(page.html(), encoding='utf-8')
 
 
-def loop_verdicts(report: LoopReport, arm: ArmModel) -> list[Verdict]:
+def loop_verdicts(report: LoopReport) -> list[Verdict]:
     """Return the verdict on the tracking of each joint."""
-    efforts = np.abs(report.terms['effort']).max(axis=0, initial=0.0)
+    arm, efforts = report.arm, np.abs(report.terms['effort']).max(axis=0, initial=0.0)
     return [
         tracking_verdict(name, kind, rms, effort / limit, report.answered)
         for name, kind, rms, effort, limit in zip(
-            report.joint_names, report.joint_kinds, report.rms.tolist(), efforts.tolist(),
+            arm.joint_names, arm.joint_kinds, report.rms.tolist(), efforts.tolist(),
             arm.limits.effort.tolist())]
 
 

@@ -17,7 +17,7 @@ from robot_dynamics_tools.gravity_calibration.recorded_holds import (
     RecordedHolds,
 )
 from robot_dynamics_tools.reporting.figures import comparison_panels, joint_figure
-from robot_dynamics_tools.reporting.images import add_figure
+from robot_dynamics_tools.reporting.interactive import add_figure
 from robot_dynamics_tools.reporting.text_table import Rows
 
 
@@ -212,7 +212,6 @@ def _add_figures(page: Page, found: Calibration) -> None:
         measured = np.where(found.has_enough_poses, found.measured[rows], 0.0)
         model = np.where(found.has_enough_poses, found.model[rows], 0.0)
         add_figure(page, joint_figure(
-            title, arm.joint_names, arm.joint_kinds,
-            comparison_panels(found.times[rows], measured, model)),
+            title, arm, comparison_panels(found.times[rows], measured, model)),
             f'{title}: measured and modelled effort at the poses')
         first = rows.stop

@@ -23,14 +23,8 @@ from robot_dynamics_tools.identification.bag_identification import BagIdentifica
 from robot_dynamics_tools.identification.pipeline import Identification
 from robot_dynamics_tools.identification.regression import bare_arm
 from robot_dynamics_tools.identification.written_uncertainty import holding_deviation
-from robot_dynamics_tools.reporting.figures import (
-    comparison_panels,
-    joint_figure,
-    scatter_figure,
-    TimeBoundary,
-)
-from robot_dynamics_tools.reporting.images import add_figure, png
-from robot_dynamics_tools.reporting.interactive import Zoomable, zoomable_figures
+from robot_dynamics_tools.reporting.figures import comparison_panels, scatter_figure, TimeBoundary
+from robot_dynamics_tools.reporting.interactive import add_figure, add_time_figures
 from robot_dynamics_tools.reporting.text_table import percent, Rows
 
 BETTER = 1.05
@@ -159,13 +153,15 @@ def identification_page(found: BagIdentification, origin: Origin) -> str:
         page.table([head, *rows[1:]])
     page.section('Effort over time' + (
         f': the first of {len(found.bags)} recordings' if len(found.bags) > 1 else ''))
-    figures = _efforts(found)
-    page.add(figures.figures, figures.head)
-    page.section('Residual over velocity')
     shown = identification.recordings[0].shown
+    add_time_figures(
+        page, arm, f'{found.bags[0].name}: {summary.MODELS["consistent"]} model',
+        comparison_panels(shown.times, shown.measured, shown.model), 'Measured and model effort',
+        None if np.isnan(shown.test_from) else TimeBoundary(shown.test_from, 'training', 'test'))
+    page.section('Residual over velocity')
     add_figure(page, scatter_figure(
-        f'{found.bags[0].name}: residual over velocity', arm.joint_names, arm.joint_kinds,
-        shown.velocity, shown.measured - shown.model), 'Residual over velocity')
+        f'{found.bags[0].name}: residual over velocity', arm, shown.velocity,
+        shown.measured - shown.model), 'Residual over velocity')
     page.section('Base parameters')
     page.table(with_units(identification), kind='long')
     page.text('By least squares without regularisation; * marks regrouped parameters.')
@@ -186,20 +182,6 @@ def _add_lists(page: Page, found: BagIdentification) -> None:
         if lines:
             page.section(title)
             page.items(lines, kind)
-
-
-def _efforts(found: BagIdentification) -> Zoomable:
-    """Return measured and modelled effort over time, of the first recording."""
-    arm, shown = found.identification.arm, found.identification.recordings[0].shown
-    boundary = None if np.isnan(shown.test_from) else TimeBoundary(
-        shown.test_from, 'training', 'test')
-    panels = comparison_panels(shown.times, shown.measured, shown.model)
-    static = joint_figure(
-        f'{found.bags[0].name}: {summary.MODELS["consistent"]} model', arm.joint_names,
-        arm.joint_kinds, panels, boundary)
-    return zoomable_figures(
-        arm.joint_names, arm.joint_kinds, panels, boundary, png(static),
-        'Measured and model effort')
 
 
 def link_rows(identification: Identification) -> Rows:

@@ -2,28 +2,36 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Figures over time with zoom in a report, by the library Bokeh, which the page contains.
+Figures in an HTML report: images of matplotlib, and figures over time with zoom by Bokeh.
 
 Bokeh is used because its script adds 1.3 MB to a report (3.9); the script of Plotly has 4.8 MB
 (7.1), and a report with it would exceed 5 MB. Both need no network. Without Bokeh, which is the
 extra `report`, a report has only the static figures.
 """
 
+from base64 import b64encode
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from html import escape
+from io import BytesIO
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import MissingDependencyError
+from robot_dynamics.model_check.html_page import Page
 from robot_dynamics_tools.reporting.figures import (
     GREY,
+    joint_figure,
     LABELS,
     LINES,
     LineStyle,
     Panel,
     TimeBoundary,
 )
-from robot_dynamics_tools.reporting.images import image
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from robot_dynamics.model.arm import ArmModel
 
 MAX_POINTS = 6000
 """Largest number of points per line; more points make the page slow."""
@@ -37,32 +45,26 @@ USE = ('Drag over a time span to zoom all figures to it. The tools on the right 
        'In print, the figures are static.')
 
 
-class Zoomable(NamedTuple):
-    """The scripts for the head of a page, and the figures for its body."""
-
-    head: str
-    figures: str
-
-
-def zoomable_figures(
-    joint_names: Sequence[str], joint_kinds: Sequence[str], panels: Sequence[Panel],
-    boundary: TimeBoundary | None, static: bytes, what: str,
-) -> Zoomable:
+def add_time_figures(
+    page: Page, arm: 'ArmModel', title: str, panels: Sequence[Panel], what: str,
+    boundary: TimeBoundary | None = None,
+) -> bytes:
     """
-    Return figures with a row per joint and a column per panel, and a common time axis.
+    Add figures with a row per joint and a column per panel, and a common time axis.
 
-    `static` is the static counterpart as PNG, which print shows, and `what` describes it.
-    Without Bokeh the result is that image, with a command that installs Bokeh.
+    Return the static counterpart as PNG, which print shows; `what` describes it. Without Bokeh the
+    page has only that image, and a command that installs Bokeh.
     """
+    static = png(joint_figure(title, arm, panels, boundary))
     static_image = image(static, what)
     try:
         span = _bokeh('models').Range1d(*_span(panels), bounds='auto', min_interval=1e-3)
     except MissingDependencyError:  # whose message has a path of this machine
-        return Zoomable('', f'{static_image}<p>{WITHOUT_BOKEH}</p>')
-    rows = []
-    for row, name in enumerate(joint_names):
-        prismatic = joint_kinds[row] == 'prismatic'
-        rows.append([_figure(panel, row, name, prismatic, span, boundary) for panel in panels])
+        page.add(f'{static_image}<p>{WITHOUT_BOKEH}</p>')
+        return static
+    rows = [
+        [_figure(panel, row, name, kind == 'prismatic', span, boundary) for panel in panels]
+        for row, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_kinds))]
     for figure in rows[-1]:
         figure.xaxis.axis_label = 'time [s]'
     layout = _bokeh('layouts').gridplot(
@@ -70,9 +72,10 @@ def zoomable_figures(
         toolbar_options={'logo': None})
     script, element = _bokeh('embed').components(layout)
     head = _bokeh('resources').Resources(mode='inline', components=['bokeh']).render()
-    return Zoomable(
-        head, f'<div class="zoomable"><div class="interactive"><p>{USE}</p>'
-              f'<div class="wide"><div>{element}{script}</div></div></div>{static_image}</div>')
+    page.add(
+        f'<div class="zoomable"><div class="interactive"><p>{USE}</p>'
+        f'<div class="wide"><div>{element}{script}</div></div></div>{static_image}</div>', head)
+    return static
 
 
 def _bokeh(part: str) -> Any:
@@ -139,3 +142,22 @@ def _mark(figure: Any, boundary: TimeBoundary, has_labels: bool) -> None:
         figure.add_layout(models.Label(
             x=boundary.time, y=2, y_units='screen', text=text, text_align=align,
             text_font_size='11px', background_fill_color='white', background_fill_alpha=0.7))
+
+
+def add_figure(page: Page, figure: 'Figure', what: str) -> None:
+    """Add a figure to a page."""
+    page.add(image(png(figure), what))
+
+
+def image(png: bytes, what: str) -> str:
+    """Return an image that is embedded in the page."""
+    encoded = b64encode(png).decode('ascii')
+    return (f'<div class="static wide"><img alt="{escape(what)}" '
+            f'src="data:image/png;base64,{encoded}"></div>')
+
+
+def png(figure: 'Figure') -> bytes:
+    """Return a figure of matplotlib as PNG."""
+    data = BytesIO()
+    figure.savefig(data, format='png')
+    return data.getvalue()
