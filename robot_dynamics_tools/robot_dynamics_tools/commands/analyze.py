@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Compare the effort of recordings with that of a model: `analyze BAG… --urdf URDF`.
+Compare the measured effort of recorded joint states with inverse dynamics of a model.
+
+Prints the residual per joint and the use of limits, and writes them with the effort by term.
+Reads rosbag2 recordings (sqlite3 or MCAP).
 
 Exit status: 0 done; 1 some recordings failed, which are listed; 2 a mistake in the arguments, or
 no recording could be analysed; 130 interrupted.
@@ -44,13 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='analyze',
-        description='Compare the measured effort of recorded joint states with inverse dynamics '
-                    'of a model:\nresidual per joint, effort by term, use of limits. '
-                    'Reads rosbag2 recordings\n(sqlite3 or MCAP).',
-        epilog='exit status: 0 done, 1 some recordings failed, 2 a mistake in the arguments or '
-               'no recording\ncould be analysed, 130 interrupted')
+    parser = command_line.Parser(prog='analyze', description=__doc__)
     options.add_recordings(parser, 'the description in the recording')
     options.add_cutoff(parser)
     options.add_parameters(

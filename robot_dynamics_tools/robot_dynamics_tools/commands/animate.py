@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Draw an animation of a planar chain: forces, moments, energies, and the passes of the recursion.
+Draw an animation of a planar chain: links, forces and moments at the joints, energies, efforts.
+
+At pauses of the motion it shows both passes of the Newton-Euler recursion. Without arguments: a
+double pendulum that is lifted by its motors and released.
 
 Exit status: 0 drawn; 1 the animation cannot be written; 2 a mistake in the arguments, or a file
 that cannot be used.
@@ -48,14 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='animate',
-        description='Draw an animation of a planar chain: links, the force and the moment at each '
-                    'joint,\nenergies, efforts by term, and at pauses of the motion both passes '
-                    'of the Newton-Euler\nrecursion. Without arguments: a double pendulum that '
-                    'is lifted by its motors and released.',
-        epilog='exit status: 0 drawn, 1 the animation cannot be written, 2 a mistake in the '
-               'arguments, or a file\nthat cannot be used')
+    parser = command_line.Parser(prog='animate', description=__doc__)
     parser.add_argument(
         'bag', nargs='?', type=Path, metavar='BAG',
         help='Recording with joint states of the chain, drawn instead of a simulation')

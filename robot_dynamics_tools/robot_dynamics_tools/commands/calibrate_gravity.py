@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Calibrate effort scale and offset from static holds: `calibrate_gravity BAG… --urdf URDF`.
+Calibrate effort scale and offset of each joint from static holds, approached from both sides.
 
-With `--move` it moves the arm of a running node, and records the holds itself.
+Writes a parameter file for dynamics_node and a report. With --move it moves the arm of a running
+node and records the holds itself; without it, BAG and --urdf are required.
 
 Exit status: 0 done; 1 the nodes would not accept a value, the report names it, or the motion ended
 early; 2 a mistake in the arguments, or node or recordings do not permit a calibration; 130
@@ -48,14 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='calibrate_gravity',
-        description='Calibrate effort scale and offset of each joint from recorded static holds, '
-                    'each approached from\nboth sides. Writes a parameter file for dynamics_node '
-                    'and a report. BAG and --urdf are required without\n--move.',
-        epilog='exit status: 0 done, 1 the nodes would not accept a value, or the motion ended '
-               'early, 2 a mistake in\nthe arguments, in the recordings or in the configuration '
-               'of the node, 130 interrupted')
+    parser = command_line.Parser(prog='calibrate_gravity', description=__doc__)
     options.add_recordings(parser, None, required=False)
     parser.add_argument(
         '--with-weight', nargs='+', type=Path, default=[], metavar='BAG',

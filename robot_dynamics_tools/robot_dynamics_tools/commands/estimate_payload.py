@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Estimate what is attached to a link: `estimate_payload BAG… --urdf URDF --link NAME`.
+Estimate mass, first moments and inertia of what is attached to a link.
+
+Reads recorded joint states with effort: static holds in several poses, or a motion.
 
 Exit status: 0 done; 1 mass or first moments are not observable or implausible, or some recordings
 failed; 2 a mistake in the arguments, or no recording can be used; 130 interrupted.
@@ -30,14 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='estimate_payload',
-        description='Estimate mass, first moments and inertia of what is attached to a link, from '
-                    'recorded joint\nstates with effort: static holds in several poses, or a '
-                    'motion.',
-        epilog='exit status: 0 done, 1 mass or first moments are not observable or implausible, '
-               'or some\nrecordings failed, 2 a mistake in the arguments or no recording can be '
-               'used, 130 interrupted')
+    parser = command_line.Parser(prog='estimate_payload', description=__doc__)
     options.add_recordings(parser, None)
     parser.add_argument(
         '--link', required=True, metavar='NAME',

@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Find an exciting trajectory: `excite --urdf URDF --output trajectory.yaml`.
+Find a trajectory that excites all parameters of an arm, for identify.
+
+It is a Fourier series from rest to rest within the limits of the arm, with a small condition
+number.
 
 Exit status: 0 done; 2 a mistake in the arguments, or no motion can be found; 130 interrupted.
 """
@@ -37,13 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='excite',
-        description='Find a trajectory that excites all parameters of an arm, for identify: a '
-                    'Fourier series\nfrom rest to rest within the limits of the arm, with a small '
-                    'condition number.',
-        epilog='exit status: 0 done, 2 a mistake in the arguments or no motion can be found, 130 '
-               'interrupted')
+    parser = command_line.Parser(prog='excite', description=__doc__)
     options.add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
     parser.add_argument(
         '--output', type=Path, metavar='FILE', default=Path('trajectory.yaml'),

@@ -1,7 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Write an arm, for example an identified one, as a model of MuJoCo (MJCF)."""
+"""
+Write an arm, for example an identified one, as a model of MuJoCo (MJCF).
+
+It has inertials, joints with limits, rotors and friction, motors and gravity, and no geometry.
+
+Exit status: 0 written; 1 the file cannot be written; 2 a mistake in the arguments, or MuJoCo has
+no such arm.
+"""
 
 import argparse
 from collections.abc import Sequence
@@ -27,10 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='export_mjcf', formatter_class=argparse.HelpFormatter,
-        description='Write an arm as a model of MuJoCo (MJCF): inertials, joints with limits, '
-                    'rotors and friction, motors, gravity. Geometry is not written.')
+    parser = command_line.Parser(prog='export_mjcf', description=__doc__)
     options.add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
     options.add_parameters(
         parser, 'joints, gravity, friction, motors, effort.scale, effort.offset')

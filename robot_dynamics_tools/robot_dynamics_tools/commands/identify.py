@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Identify an arm from recordings: `identify BAG… --urdf URDF`.
+Identify masses, inertias, rotors and friction of an arm from recorded joint states with effort.
+
+Writes a URDF, a parameter file for dynamics_node, and a report.
 
 Exit status: 0 done; 1 some recordings failed, which are listed; 2 a mistake in the arguments, or
 nothing could be identified; 130 interrupted.
@@ -44,13 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='identify',
-        description='Identify masses, inertias, rotors and friction of an arm from recorded joint '
-                    'states with\neffort. Writes a URDF, a parameter file for dynamics_node, '
-                    'and a report.',
-        epilog='exit status: 0 done, 1 some recordings failed, 2 a mistake in the arguments or '
-               'nothing could\nbe identified, 130 interrupted')
+    parser = command_line.Parser(prog='identify', description=__doc__)
     options.add_recordings(parser, None)
     parser.add_argument('--train-fraction', **options.number(
         0.6, 'SHARE', 'Fraction of the samples, from the first on, that is used for training; the '

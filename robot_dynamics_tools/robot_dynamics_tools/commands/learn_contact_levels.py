@@ -1,7 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Learn the levels of contacts from recordings without contact."""
+"""
+Learn the levels of ~/contacts from recordings without contact.
+
+Exit status: 0 done; 2 a mistake in the arguments, or a recording cannot be used.
+"""
 
 import argparse
 from collections.abc import Sequence
@@ -24,10 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='learn_contact_levels',
-        description='Learn the levels of ~/contacts from recordings without contact.',
-        epilog='exit status: 0 done, 2 a mistake in the arguments, or a recording cannot be used')
+    parser = command_line.Parser(prog='learn_contact_levels', description=__doc__)
     options.add_recordings(parser, None)
     options.add_parameters(parser, (
         'joints, friction, motors, measured_effort, external_effort_bandwidth (not payload.*)'))

@@ -2,7 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Draw efforts or inertias of an arm over two joints, or where its effort limits are too small.
+Draw efforts or inertias over the positions of two joints, or of gravity over the workspace.
+
+  gravity    the gravity-compensation torque g(q), and where it exceeds the limits
+  inertia    the diagonal of the mass matrix, M_ii(q)
+  motion     the effort of --velocity and --acceleration
+  workspace  positions of the whole workspace at which gravity exceeds the effort limits
 
 Exit status: 0 drawn; 1 the figure cannot be written; 2 a mistake in the arguments, or a file that
 cannot be used.
@@ -48,17 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='torque_map',
-        description='Draw over the positions of two joints, with the arm in some poses:\n'
-                    '  gravity    the gravity-compensation torque g(q), and where it exceeds the '
-                    'limits\n'
-                    '  inertia    the diagonal of the mass matrix, M_ii(q)\n'
-                    '  motion     the effort of --velocity and --acceleration\n'
-                    'or over the whole workspace:\n'
-                    '  workspace  positions at which gravity exceeds the effort limits',
-        epilog='exit status: 0 drawn, 1 the figure cannot be written, 2 a mistake in the '
-               'arguments, or a file\nthat cannot be used')
+    parser = command_line.Parser(prog='torque_map', description=__doc__)
     parser.add_argument(
         'what', nargs='?', default=GRAVITY, choices=(GRAVITY, INERTIA, MOTION, WORKSPACE),
         help='Drawn quantity (default: %(default)s)')

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Demonstrate the package: `demo` runs a closed loop, `demo --replay` compares with a recording.
+A simulated arm follows a trajectory under computed torque, with both nodes as processes.
+
+With --replay, the model is compared with the efforts of a recording.
 
 Exit status: 0 done, and every joint tracked; 1 a joint did not track, or a node failed; 2 a
 mistake in the arguments, a file that cannot be used, or a library that is not installed; 130
@@ -51,13 +53,7 @@ def _interrupt(*_: object) -> None:
 
 
 def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='demo',
-        description='A simulated arm follows a trajectory under computed torque, with both nodes '
-                    'as separate\nprocesses. With --replay, the model is compared with the '
-                    'efforts of a recording.',
-        epilog='exit status: 0 done and tracked, 1 not tracked or a node failed, 2 a mistake in '
-               'the arguments,\n130 interrupted')
+    parser = command_line.Parser(prog='demo', description=__doc__)
     options.add_robot(
         parser, '--robot',
         'the planar two-link arm, or with --replay the description in the recording', 'URDF')

@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Watch and move an arm in a browser: `viewer` is a node that serves one page.
+Show an arm in 3-D in a browser with its efforts, external forces, payload and live plots.
+
+Sliders move the arm, buttons attach a load and push it. Requires a running dynamics_node. Names
+are relative: with -r __ns:=/left after --ros-args, the node is /left/dynamics.
 
 Exit status: 0 ended by Ctrl-C or SIGTERM; 1 it cannot start; 2 a mistake in the arguments.
 """
@@ -42,13 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> Parser:
-    parser = Parser(
-        prog='viewer',
-        description='Shows an arm in 3-D in a browser with its efforts, external forces, payload '
-                    'and live\nplots. Sliders move the arm, buttons attach a load and push it. '
-                    'Requires a running\ndynamics_node.',
-        epilog='Names are relative: with -r __ns:=/left after --ros-args, the node is '
-               '/left/dynamics.')
+    parser = Parser(prog='viewer', description=__doc__)
     parser.add_argument(
         '--host', default=DEFAULT_HOST, metavar='ADDRESS',
         help='Address at which the page is served (default: %(default)s, this computer only). Any '
