@@ -129,15 +129,16 @@ def _check_libraries(arguments: argparse.Namespace) -> None:
 def _closed_loop(
     arguments: argparse.Namespace, given: str | None, directory: Path, origin: 'Origin',
 ) -> int:
-    from robot_dynamics_tools.demo.loop import run_closed_loop, ViewerPage
+    from robot_dynamics_tools.demo.loop import run_closed_loop
     from robot_dynamics_tools.demo.report import loop_report, print_report, write_loop_page
     from robot_dynamics_tools.demo.session import PICTURE, RECORDING, REPORT
     urdf = _written(given or options.read_robot(None), directory)
     arm = _arm(urdf, arguments.parameters)
     run = run_closed_loop(
         arm, urdf, _motion(arm, arguments), arguments.rate or DEFAULT_RATE, directory,
-        arguments.parameters,
-        None if arguments.viewer is None else ViewerPage(arguments.viewer, arguments.robot))
+        arguments.parameters, None if arguments.viewer is None else (
+            '--port', str(arguments.viewer),
+            *(() if arguments.robot is None else ('--robot', arguments.robot))))
     try:
         report = loop_report(directory / RECORDING, arm, run)
         print_report(report, run)
@@ -179,8 +180,8 @@ def _replay(
     from robot_dynamics_tools.commands.analyze import print_one
     from robot_dynamics_tools.demo.replay import play_recording, read_recording
     from robot_dynamics_tools.demo.session import RECORDING, REPORT
-    recorded = read_recording(arguments.replay, arguments.topic, arguments.duration)
-    urdf = _written(given or recorded.urdf or options.read_robot(None), directory)
+    recorded, own = read_recording(arguments.replay, arguments.topic, arguments.duration)
+    urdf = _written(given or own or options.read_robot(None), directory)
     settings = play_recording(recorded, urdf, arguments.rate, directory)
     outputs = () if arguments.no_plot else (REPORT,)
     try:

@@ -13,7 +13,7 @@ from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics_tools.demo.loop import LoopRun
-from robot_dynamics_tools.demo.session import EFFORT_COMMAND, JOINT_STATES, TERMS
+from robot_dynamics_tools.demo.session import Session
 from robot_dynamics_tools.excitation.demo_motion import sample_trajectory
 from robot_dynamics_tools.recordings.reader import Recording, stack, stamp_ns
 from robot_dynamics_tools.reporting.figures import (
@@ -79,10 +79,10 @@ class LoopReport:
 def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport:
     """Read a recording of `run`; raise RecordingError if it has no state of the motion."""
     with Recording(recording_path) as recording:
-        states = recording.joint_series(JOINT_STATES, arm.joint_names)
-        commands = recording.joint_series(EFFORT_COMMAND, arm.joint_names)
-        term_stamps, terms = stack(recording.messages(TERMS), TERM_NAMES)
-        arrivals = [time_ns for time_ns, message in recording.messages(EFFORT_COMMAND)
+        states = recording.joint_series(Session.JOINT_STATES, arm.joint_names)
+        commands = recording.joint_series(Session.EFFORT_COMMAND, arm.joint_names)
+        term_stamps, terms = stack(recording.messages(Session.TERMS), TERM_NAMES)
+        arrivals = [time_ns for time_ns, message in recording.messages(Session.EFFORT_COMMAND)
                     if run.start_ns <= stamp_ns(message.header) <= run.end_ns]
     during = (states.stamps_ns >= run.start_ns) & (states.stamps_ns <= run.end_ns)
     stamps = states.stamps_ns[during]

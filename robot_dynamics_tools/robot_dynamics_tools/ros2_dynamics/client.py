@@ -167,9 +167,10 @@ class DynamicsClient:
         return {name: parameter_value_to_python(value)
                 for name, value in zip(names, response.values)}
 
-    def set_parameter(self, name: str, value: object) -> None:
-        """Set a parameter of the node; raise NoAnswerError or RefusedError."""
-        response = self.call(SetParameters, 'set_parameters', SetParameters.Request(
+    def set_parameter(self, name: str, value: object, node: str = '') -> None:
+        """Set a parameter of the node, or of another one; raise NoAnswerError or RefusedError."""
+        service = f'{node or self.name}/set_parameters'
+        response = self.call(SetParameters, service, SetParameters.Request(
             parameters=[Parameter(name, value=value).to_parameter_msg()]))
         result, = response.results
         if not result.successful:
