@@ -43,7 +43,6 @@ from robot_dynamics_tools.identification.recording_agreement import (
     gravity_ratios,
     USUAL_REGULARIZATION,
 )
-from robot_dynamics_tools.identification.regression import bare_arm
 from robot_dynamics_tools.identification.regularized_fit import grams_of, make_prior, Prior, solve
 from robot_dynamics_tools.identification.uncertainty import estimate_parameters, ParameterEstimate
 
@@ -94,7 +93,7 @@ class Recordings(NamedTuple):
 
 def prior_of(arm: ArmModel) -> Prior:
     """Return the prior model, from the arm's URDF."""
-    bare = bare_arm(arm)
+    bare = arm.with_payloads(())
     body = RigidBody(bare)
     inertia = np.mean([
         np.diag(body.mass_matrix(q)) for q in random_states(bare, _STATES)[0]], axis=0)
@@ -125,7 +124,7 @@ def fit_model(
     """Return the models that are fitted to the information of all recordings."""
     return fit_models(
         information.together(), *choose_model(information, prior_of(arm), first),
-        inertial_parameters(bare_arm(arm)))
+        inertial_parameters(arm.with_payloads(())))
 
 
 def identify(
@@ -174,7 +173,7 @@ def identify_recordings(
     information = merge(parts)
     on_stage(STAGES[3])
     models = fit_model(arm, information, begun.problem.structures)
-    base = base_parameters_of(bare_arm(arm))
+    base = base_parameters_of(arm.with_payloads(()))
     estimate = estimate_parameters(information, base, models.problem)
     odd = contradicting_recordings(parts, models.problem)
     on_stage(STAGES[4])
@@ -191,7 +190,7 @@ def identify_recordings(
         tests = steps.cross_validated_tests(information, models, tests)
     usual = solve(grams_of(information.together()), models.problem._replace(
         regularization=USUAL_REGULARIZATION))
-    ratios = gravity_ratios(bare_arm(arm), usual, np.concatenate([
+    ratios = gravity_ratios(arm.with_payloads(()), usual, np.concatenate([
         recording.shown.position[::_EVERY] for recording in evaluated]))
     return Identification(
         arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated),

@@ -127,12 +127,15 @@ class Fit:
     joint_values: FloatArray
     structures: tuple[FrictionStructure, ...]
 
+    @property
+    def theta(self) -> FloatArray:
+        """The values of all columns of a regression, bodies first, for each joint, (n, k − 1)."""
+        shape = len(self.joint_values), len(self.parameters)
+        return np.hstack([np.broadcast_to(self.parameters, shape), self.joint_values])
+
     def squares(self, grams: FloatArray) -> FloatArray:
         """Return the sum of squared residuals of each joint, (n,); `grams` (n, k, k) is RᵀR."""
-        n = len(self.joint_values)
-        x = np.concatenate([
-            np.broadcast_to(self.parameters, (n, len(self.parameters))), self.joint_values,
-            np.full((n, 1), -1.0)], axis=1)
+        x = np.insert(self.theta, grams.shape[-1] - 1, -1.0, axis=1)
         return np.asarray(np.maximum(np.einsum('ja,jab,jb->j', x, grams, x), 0.0))
 
 

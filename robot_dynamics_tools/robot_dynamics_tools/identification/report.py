@@ -93,6 +93,11 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
     arm, estimate = identification.arm, identification.estimate
     models, gains = identification.models, identification.gains
     friction = identified_arm.fitted_friction(arm, models.consistent)
+    parameters = [
+        {'name': name, 'value': float(value), 'standard_deviation': _number(deviation),
+         'relative_deviation': _number(relative)}
+        for name, value, deviation, relative in zip(
+            estimate.names, estimate.values, estimate.deviations, estimate.relative_deviations)]
     return {
         'arm': arm.name,
         'joints': list(arm.joint_names),
@@ -113,23 +118,16 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
         'rank': identification.base.rank,
         'condition_number': _number(estimate.condition),
         'base_parameters': [
-            {'name': estimate.names[i], 'is': identification.base.expressions[i],
-             'value': float(estimate.values[i]), 'urdf': float(estimate.prior[i]),
-             'standard_deviation': _number(estimate.deviations[i]),
-             'relative_deviation': _number(estimate.relative_deviations[i]),
+            {**entry, 'is': identification.base.expressions[i], 'urdf': float(estimate.prior[i]),
              'excited': bool(estimate.excited[i])}
-            for i in range(estimate.base_count)],
+            for i, entry in enumerate(parameters[:estimate.base_count])],
         'is_cross_validated': identification.is_cross_validated,
         'active_bounds': [
             {'joint': arm.joint_names[j], **bound._asdict()}
             for j, bounds in summary.bounds_by_joint(identification).items() for bound in bounds],
         'not_separable': {
             joint: list(names) for joint, names in summary.not_separable(identification).items()},
-        'joint_parameters': [
-            {'name': estimate.names[i], 'value': float(estimate.values[i]),
-             'standard_deviation': _number(estimate.deviations[i]),
-             'relative_deviation': _number(estimate.relative_deviations[i])}
-            for i in range(estimate.base_count, len(estimate.names))],
+        'joint_parameters': parameters[estimate.base_count:],
         'friction': [
             {'joint': name, 'structure': str(models.problem.structures[j]),
              'reflected_inertia': float(models.consistent.joint_values[j, INERTIA]),

@@ -142,21 +142,6 @@ def _friction_cell(field: ParameterField, friction: JointFriction, joint: int) -
     return f'{value:.4g}' if field.unit else percent(value)
 
 
-def parameter_rows(identification: Identification) -> Rows:
-    """Return the base parameters and the joints' own parameters, with their deviations."""
-    estimate, base = identification.estimate, identification.base
-    rows: Rows = [('parameter', 'value', 'deviation', 'relative', 'URDF', 'definition')]
-    for i, name in enumerate(estimate.names):
-        is_base = i < estimate.base_count
-        rows.append((
-            name, f'{estimate.values[i]:.4g}', f'{estimate.deviations[i]:.2g}',
-            percent(estimate.relative_deviations[i])
-            if np.isfinite(estimate.relative_deviations[i]) else '-',
-            f'{estimate.prior[i]:.4g}' if is_base else '-',
-            base.expressions[i] if is_base else 'of this joint'))
-    return rows
-
-
 def gain_rows(identification: Identification, gains: GainEstimate) -> Rows:
     """Return the drive gains."""
     rows: Rows = [('joint', 'gain K', 'deviation', 'by noise only', '')]

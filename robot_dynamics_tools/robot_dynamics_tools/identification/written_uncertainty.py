@@ -32,7 +32,6 @@ from robot_dynamics_tools.analysis.motion_filter import noise_bandwidth
 from robot_dynamics_tools.identification.friction_regressor import FRICTION_COLUMNS
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.pipeline import base_parameters_of, Identification
-from robot_dynamics_tools.identification.regression import bare_arm
 from robot_dynamics_tools.identification.regularized_fit import bounded_problem
 from robot_dynamics_tools.identification.steps import EffortSeries
 
@@ -67,7 +66,7 @@ def holding_deviation(identification: Identification) -> FloatArray:
 
     The poses are within the position limits, also where nothing was recorded.
     """
-    q = random_states(bare_arm(identification.arm), POSES)[0]
+    q = random_states(identification.arm.with_payloads(()), POSES)[0]
     rest = np.zeros_like(q)
     errors = _model_deviation(identification).errors(q, rest, rest)
     return np.asarray(np.sqrt((errors**2).sum(axis=2).mean(axis=0)))
@@ -104,7 +103,7 @@ def _covariance_in_residual(deviation: EffortDeviation, series: EffortSeries) ->
 
 def _model_deviation(identification: Identification) -> EffortDeviation:
     """Return the deviation by the covariance of the parameters."""
-    arm = bare_arm(identification.arm)
+    arm = identification.arm.with_payloads(())
     names, covariance = parameter_covariance(identification)
     uncertainty = make_uncertainty(arm, names, lower_triangle(covariance))
     assert uncertainty is not None  # there are names: those of the rotors
@@ -114,7 +113,7 @@ def _model_deviation(identification: Identification) -> EffortDeviation:
 
 def parameter_covariance(identification: Identification) -> tuple[tuple[str, ...], FloatArray]:
     """Return the names of k parameters of the consistent set, and their mean squares (k, k)."""
-    arm, information = bare_arm(identification.arm), identification.information
+    arm, information = identification.arm.with_payloads(()), identification.information
     problem = identification.models.problem
     A, b, _, _ = bounded_problem(information.together(), problem._replace(
         regularization=min(problem.regularization, LARGEST_REGULARIZATION)))
