@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.joints.units import units_of
 from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis, LimitUse
 from robot_dynamics_tools.analysis.residual import ResidualStatistics
@@ -54,7 +55,7 @@ def residual_rows(statistics: ResidualStatistics, joint_kinds: Sequence[str]) ->
         'joint', 'RMS measured', 'RMS residual', 'relative', 'mean residual', 'largest residual',
         'R²')]
     for j, (name, kind) in enumerate(zip(statistics.joint_names, joint_kinds)):
-        unit = 'N' if kind == 'prismatic' else 'N·m'
+        unit = units_of(kind).effort
         rows.append((
             name, f'{statistics.rms_measured[j]:.3f} {unit}', f'{statistics.rms[j]:.3f} {unit}',
             percent(statistics.relative[j]), f'{statistics.mean[j]:+.3f} {unit}',
@@ -69,11 +70,10 @@ def limit_use_rows(
     rows: Rows = [(
         'joint', f'largest {whose} effort', 'largest velocity', 'margin to position limit')]
     for j, (name, kind) in enumerate(zip(joint_names, joint_kinds)):
-        unit = 'm' if kind == 'prismatic' else 'rad'
         distance = use.position[j]
         rows.append((
             name, _of_limit(use.effort[j]), _of_limit(use.velocity[j]),
-            'no limit' if np.isnan(distance) else f'{distance:.3f} {unit}'))
+            'no limit' if np.isnan(distance) else f'{distance:.3f} {units_of(kind).position}'))
     return rows
 
 

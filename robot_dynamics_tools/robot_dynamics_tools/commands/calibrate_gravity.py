@@ -191,7 +191,7 @@ def _print(found: RecordedCalibration, written: Sequence[Path]) -> None:
     print('\nTorque at the joint = effort scale · (effort of the driver − effort offset):')
     print(quantity_table(report.joint_rows(found.calibration)))
     if found.calibration.tool is not None:
-        print('\n' + quantity_table(report.tool_rows(found.calibration)))
+        print('\n' + quantity_table(report.tool_rows(found.calibration.tool)))
     print('\n' + summary(verdicts, 'joints'))
     for name, grade, text, step in verdicts:
         print(f'  {name}: {grade.value[0]}: {text}. Next step: {step}')

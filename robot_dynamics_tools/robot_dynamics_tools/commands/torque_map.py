@@ -23,6 +23,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model_check.html_page import Verdict
@@ -172,12 +173,12 @@ def _values(
 
 
 def _panel(what: str, arm: ArmModel, joint: int, values: FloatArray) -> MapPanel:
-    name, slides = arm.joint_names[joint], arm.joint_kinds[joint] == 'prismatic'
+    name, kind = arm.joint_names[joint], arm.joint_kinds[joint]
     if what == INERTIA:
-        return MapPanel(f'Inertia at {name}', values, 'kg' if slides else 'kg·m²', False)
+        return MapPanel(
+            f'Inertia at {name}', values, 'kg' if kind == 'prismatic' else 'kg·m²', False)
     return MapPanel(
-        f'Effort at {name}', values, 'N' if slides else 'N·m', True,
-        float(arm.limits.effort[joint]))
+        f'Effort at {name}', values, units_of(kind).effort, True, float(arm.limits.effort[joint]))
 
 
 def _list(values: Any) -> str:
