@@ -18,7 +18,7 @@ from typing import Any, TYPE_CHECKING
 import warnings
 
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.tools.command_line import ROBOT_HELP
+from robot_dynamics.tools import command_line
 
 if TYPE_CHECKING:
     from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
@@ -32,6 +32,18 @@ LONGEST_LIST = 20
 _WIDTH = 110
 _WITHOUT_EFFECT = ('dask', 'force', 'jobs')
 """Arguments that do not change the results."""
+
+
+def run_tool(
+    parser: argparse.ArgumentParser, run: Callable[[argparse.Namespace], int],
+    argv: Sequence[str] | None,
+) -> int:
+    """Return the exit status of `run` with the parsed arguments (`command_line.run_tool`)."""
+    arguments = parser.parse_args(argv)
+    resumes = 'jobs' in arguments and arguments.output is not None
+    return command_line.run_tool(
+        parser.prog, lambda: run(arguments), interrupted='interrupted' + (
+            '; run the same command to resume' if resumes else ''))
 
 
 def print_list(title: str, lines: Sequence[str]) -> None:
@@ -118,7 +130,7 @@ def add_robot(
     """Add the option that names the robot, by default required without a default."""
     parser.add_argument(
         option, required=default is None if required is None else required, metavar=metavar,
-        help=ROBOT_HELP
+        help=command_line.ROBOT_HELP
              + (f' (default: {default})' if default is not None else ''))
 
 

@@ -20,7 +20,6 @@ from pathlib import Path
 import numpy as np
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
 from robot_dynamics_tools.analysis import tasks
@@ -37,16 +36,6 @@ from robot_dynamics_tools.reporting.text_table import percent, quantity_table, t
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
-    arguments = _parser().parse_args(argv)
-    interrupted = 'interrupted' + (
-        '; run the same command to resume' if arguments.output else '')
-    origin = command_line.origin_of(
-        'analyze', argv, arguments.urdf, f'{ROBOT_DESCRIPTION} of the recording')
-    return command_line.run_tool(
-        'analyze', partial(_run, arguments, origin), interrupted=interrupted)
-
-
-def _parser() -> command_line.Parser:
     parser = command_line.Parser(prog='analyze', description=__doc__)
     options.add_recordings(parser, 'the description in the recording')
     options.add_cutoff(parser)
@@ -63,10 +52,10 @@ def _parser() -> command_line.Parser:
         help=f'Write neither {tasks.REPORT} nor {tasks.PICTURE}')
     command_line.add_force(parser)
     options.add_workers(parser)
-    return parser
+    return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
 
-def _run(arguments: argparse.Namespace, origin: Origin) -> int:
+def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     with_figure = arguments.output is not None and not arguments.no_report
     require('the tool', 'rosbags', 'yaml', 'scipy', *(['matplotlib'] if with_figure else []))
     if arguments.parquet:
@@ -78,7 +67,8 @@ def _run(arguments: argparse.Namespace, origin: Origin) -> int:
     bags = find_recordings(arguments.bags, arguments.output)
     names = relative_names(bags)
     settings = options.read_settings(arguments)
-    task = tasks.AnalysisTask(settings, _outputs(arguments), origin=origin)
+    task = tasks.AnalysisTask(settings, _outputs(arguments), origin=command_line.origin_of(
+        'analyze', argv, arguments.urdf, f'{ROBOT_DESCRIPTION} of the recording'))
     kept, each = None, None
     if task.outputs:
         places = [

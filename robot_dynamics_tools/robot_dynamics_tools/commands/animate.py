@@ -13,7 +13,6 @@ that cannot be used.
 
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -45,12 +44,7 @@ STILL = 0.1
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the tool, and return its exit status."""
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool('animate', partial(_run, arguments))
-
-
-def _parser() -> command_line.Parser:
+    """Run the tool; return its exit status."""
     parser = command_line.Parser(prog='animate', description=__doc__)
     parser.add_argument(
         'bag', nargs='?', type=Path, metavar='BAG',
@@ -78,7 +72,7 @@ def _parser() -> command_line.Parser:
         help='Output file: .gif, or .mp4 if ffmpeg is installed (default: out/<name of the '
              'arm>.gif)')
     command_line.add_force(parser)
-    return parser
+    return options.run_tool(parser, _run, argv)
 
 
 def _run(arguments: argparse.Namespace) -> int:

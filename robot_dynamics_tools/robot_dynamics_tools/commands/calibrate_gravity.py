@@ -15,7 +15,6 @@ interrupted.
 import argparse
 from collections.abc import Sequence
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 import sys
 
@@ -33,7 +32,6 @@ from robot_dynamics_tools.gravity_calibration.recorded_holds import (
     RecordedCalibration,
 )
 from robot_dynamics_tools.gravity_calibration.tool_estimate import Tool
-from robot_dynamics_tools.gravity_motion.options import add_motion_options
 from robot_dynamics_tools.gravity_motion.plan import MotionSettings
 from robot_dynamics_tools.gravity_motion.poses import PoseChoice
 from robot_dynamics_tools.recordings.bag_files import find_recordings
@@ -44,11 +42,6 @@ OUTPUT = Path('calibrated.yaml')
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool('calibrate_gravity', partial(_run, arguments, argv))
-
-
-def _parser() -> command_line.Parser:
     parser = command_line.Parser(prog='calibrate_gravity', description=__doc__)
     options.add_recordings(parser, None, required=False)
     parser.add_argument(
@@ -74,9 +67,54 @@ def _parser() -> command_line.Parser:
         help='Output parameter file; the report has the same name, with the suffix .html '
              '(default: %(default)s)')
     command_line.add_force(parser)
-    add_motion_options(parser)
+    _add_motion(parser)
     parser.set_defaults(cutoff=None)  # holds are not filtered
-    return parser
+    return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
+
+
+def _add_motion(parser: argparse.ArgumentParser) -> None:
+    """Add --move and the options of the motion."""
+    group = parser.add_argument_group('motion of the arm')
+    for name, text in (
+            ('move', 'Move the arm of a running dynamics_node through poses, record, and compute '
+                     'from the recording. Collisions are not checked'),
+            ('preview', 'With --move: print the poses and their gravity torques, and do not move '
+                        'the arm'),
+            ('yes', 'Move without the question on the terminal, for scripts'),
+            ('with-weight-after',
+             'Record a second time with the weight of --weight-mass, --weight-link and '
+             '--weight-position, which the operator attaches when the tool asks for it')):
+        group.add_argument(f'--{name}', action='store_true', help=text)
+    group.add_argument(
+        '--recording', type=Path, metavar='DIR',
+        help='New directory of the recording; that with the weight is DIR-with-weight (default: '
+             'gravity-<time>)')
+    group.add_argument(
+        '--poses', type=Path, metavar='FILE',
+        help='YAML file with the list `poses` of JOINT: POSITION in rad or m (default: poses that '
+             'are selected for this arm)')
+    for name, default, text in (('count', 10, 'Number of selected poses, 8 to 20'),
+                                ('seed', 0, 'Seed of the selection of the poses')):
+        group.add_argument(f'--{name}', **options.number(default, 'N', text, int))
+    group.add_argument(
+        '--range', nargs=3, action='append', default=[], metavar=('JOINT', 'MIN', 'MAX'),
+        dest='ranges',
+        help='Range of a joint at the poses and between them [rad] or [m]; may be repeated '
+             '(default: the position limits; without limits, one turn around 0)')
+    group.add_argument('--hold', **options.number(
+        2.0, 'S', 'Time at rest at each pose, after the motion from each side [s]'))
+    for name, text in (
+            ('approach', 'Distance from which each pose is approached, on both sides [rad] or [m] '
+                         '(default: 0.1 rad, 0.02 m, at most 0.05 of the range)'),
+            ('step', 'Largest displacement of a joint per move [rad] or [m] (default: 0.5 rad, '
+                     '0.1 m)'),
+            ('velocity', 'Largest velocity of a joint [rad/s] or [m/s] (default: 0.5 rad/s, '
+                         '0.1 m/s); at most half of its limit'),
+            ('tolerance', 'Largest distance of a measured position at rest from its goal [rad] or '
+                          '[m]; an arm with wrong torque constants sags (default: 0.2 rad, '
+                          '0.05 m)')):
+        group.add_argument(f'--{name}', **options.number(None, 'X', text))
+    options.add_node(group)
 
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:

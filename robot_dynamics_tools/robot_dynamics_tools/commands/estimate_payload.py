@@ -12,7 +12,6 @@ failed; 2 a mistake in the arguments, or no recording can be used; 130 interrupt
 
 import argparse
 from collections.abc import Sequence
-from functools import partial
 import json
 
 from robot_dynamics.tools import command_line
@@ -27,11 +26,6 @@ from robot_dynamics_tools.reporting.text_table import text_table
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool('estimate_payload', partial(_run, arguments))
-
-
-def _parser() -> command_line.Parser:
     parser = command_line.Parser(prog='estimate_payload', description=__doc__)
     options.add_recordings(parser, None)
     parser.add_argument(
@@ -41,7 +35,7 @@ def _parser() -> command_line.Parser:
     options.add_parameters(parser, 'joints, gravity, friction, motors, measured_effort')
     parser.add_argument(
         '--json', action='store_true', help='Print the result as JSON instead of text')
-    return parser
+    return options.run_tool(parser, _run, argv)
 
 
 def _run(arguments: argparse.Namespace) -> int:

@@ -12,7 +12,6 @@ Exit status: 0 done; 2 a mistake in the arguments, or no motion can be found; 13
 
 import argparse
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -35,11 +34,6 @@ from robot_dynamics_tools.reporting.text_table import quantity_table
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool('excite', partial(_run, arguments))
-
-
-def _parser() -> command_line.Parser:
     parser = command_line.Parser(prog='excite', description=__doc__)
     options.add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
     parser.add_argument(
@@ -69,12 +63,14 @@ def _parser() -> command_line.Parser:
     parser.add_argument('--seed', **options.number(
         0, 'N', 'Seed of the random search; the same seed gives the same trajectory on any '
         'processor', int))
-    return parser
+    return options.run_tool(parser, _run, argv)
 
 
 def _run(arguments: argparse.Namespace) -> int:
     command_line.prepare_file(arguments.output, arguments.force)
-    arm = _arm(arguments)
+    arm = arm_from_parameters(
+        options.read_robot(arguments.urdf),
+        options.read_parameters(arguments.parameters), arguments.joints)
     dynamics = ArmDynamics(arm)
     fractions = LimitFractions(
         arguments.position_margin, arguments.velocity_scale, arguments.effort_scale,
@@ -92,12 +88,6 @@ def _run(arguments: argparse.Namespace) -> int:
     print(f'Trajectory         {arguments.output}')
     print('Collisions are not checked. Run the trajectory slowly first.')
     return command_line.DONE
-
-
-def _arm(arguments: argparse.Namespace) -> ArmModel:
-    return arm_from_parameters(
-        options.read_robot(arguments.urdf),
-        options.read_parameters(arguments.parameters), arguments.joints)
 
 
 def _report(arm: ArmModel, excitation: Excitation, found: ExcitingTrajectory) -> None:

@@ -12,7 +12,6 @@ no such arm.
 
 import argparse
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 import sys
 
@@ -23,17 +22,7 @@ from robot_dynamics_tools.mujoco.mjcf import arm_to_mjcf
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """
-    Run the tool, and return its exit status.
-
-    0: written; 1: the file cannot be written; 2: the arguments are invalid, or MuJoCo has no such
-    arm. For status 1 and 2, one line on stderr has the reason.
-    """
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool('export_mjcf', partial(_run, arguments))
-
-
-def _parser() -> command_line.Parser:
+    """Run the tool; return its exit status."""
     parser = command_line.Parser(prog='export_mjcf', description=__doc__)
     options.add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
     options.add_parameters(
@@ -41,7 +30,7 @@ def _parser() -> command_line.Parser:
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE', help='Output file (default: stdout)')
     command_line.add_force(parser)
-    return parser
+    return options.run_tool(parser, _run, argv)
 
 
 def _run(arguments: argparse.Namespace) -> int:

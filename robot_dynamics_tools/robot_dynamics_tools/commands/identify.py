@@ -39,13 +39,6 @@ OUTPUT = Path('identified')
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool(
-        'identify', partial(_run, arguments, argv),
-        interrupted='interrupted; run the same command to resume')
-
-
-def _parser() -> command_line.Parser:
     parser = command_line.Parser(prog='identify', description=__doc__)
     options.add_recordings(parser, None)
     parser.add_argument('--train-fraction', **options.number(
@@ -76,7 +69,7 @@ def _parser() -> command_line.Parser:
         help=f'Output directory (default: {OUTPUT})')
     command_line.add_force(parser)
     options.add_workers(parser)
-    return parser
+    return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
 
 def _payload(text: str) -> tuple[str, str, tuple[float, ...]]:

@@ -9,7 +9,6 @@ Exit status: 0 done; 2 a mistake in the arguments, or a recording cannot be used
 
 import argparse
 from collections.abc import Sequence
-from functools import partial
 import json
 from pathlib import Path
 
@@ -23,11 +22,6 @@ from robot_dynamics_tools.reporting.text_table import text_table
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool('learn_contact_levels', partial(_run, arguments))
-
-
-def _parser() -> command_line.Parser:
     parser = command_line.Parser(prog='learn_contact_levels', description=__doc__)
     options.add_recordings(parser, None)
     options.add_parameters(parser, (
@@ -40,7 +34,7 @@ def _parser() -> command_line.Parser:
     command_line.add_force(parser)
     parser.add_argument('--json', action='store_true', help='Print the result as JSON.')
     parser.set_defaults(cutoff=None)
-    return parser
+    return options.run_tool(parser, _run, argv)
 
 
 def _run(arguments: argparse.Namespace) -> int:

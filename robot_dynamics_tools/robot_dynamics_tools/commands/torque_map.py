@@ -15,7 +15,6 @@ cannot be used.
 
 import argparse
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -48,12 +47,7 @@ STEPS = 3
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the tool, and return its exit status."""
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool('torque_map', partial(_run, arguments, argv))
-
-
-def _parser() -> command_line.Parser:
+    """Run the tool; return its exit status."""
     parser = command_line.Parser(prog='torque_map', description=__doc__)
     parser.add_argument(
         'what', nargs='?', default=GRAVITY, choices=(GRAVITY, INERTIA, MOTION, WORKSPACE),
@@ -87,7 +81,7 @@ def _parser() -> command_line.Parser:
         help=f'Output file: {", ".join(FORMATS)}; {PAGE} is a report with a verdict per joint '
              '(default: out/<name of the arm>_<what>.png)')
     command_line.add_force(parser)
-    return parser
+    return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:

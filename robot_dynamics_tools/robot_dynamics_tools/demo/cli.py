@@ -14,7 +14,6 @@ interrupted.
 import argparse
 from collections.abc import Sequence
 from datetime import datetime
-from functools import partial
 import os
 from pathlib import Path
 import signal
@@ -38,21 +37,6 @@ DEFAULT_RATE = 500.0
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the demo; return its exit status."""
-    arguments = _parser().parse_args(argv)
-    # A signal that ends the demo also ends its nodes; the recording is kept.
-    for name in ('SIGTERM', 'SIGHUP'):
-        signal.signal(getattr(signal, name), _interrupt)
-    default = 'the planar two-link arm of this package' if arguments.replay is None else (
-        'robot_description of the recording, or else the planar two-link arm of this package')
-    origin = command_line.origin_of('demo', argv, arguments.robot, default)
-    return command_line.run_tool('demo', partial(_run, arguments, origin))
-
-
-def _interrupt(*_: object) -> None:
-    raise KeyboardInterrupt
-
-
-def _parser() -> command_line.Parser:
     parser = command_line.Parser(prog='demo', description=__doc__)
     options.add_robot(
         parser, '--robot',
@@ -88,10 +72,17 @@ def _parser() -> command_line.Parser:
              f'(default: {DEFAULT_PORT})')
     parser.add_argument(
         '--no-plot', action='store_true', help='Write neither the figure nor the report')
-    return parser
+    return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
 
-def _run(arguments: argparse.Namespace, origin: 'Origin') -> int:
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
+    # A signal that ends the demo also ends its nodes; the recording is kept.
+    for signal_number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(signal_number, _interrupt)
     if arguments.topic is not None and arguments.replay is None:
         raise InvalidInputError(
             '--topic is given without --replay; it is a topic of the recording')
@@ -109,9 +100,11 @@ def _run(arguments: argparse.Namespace, origin: 'Origin') -> int:
     print(f'Writing to {directory}', flush=True)
     from robot_dynamics_tools.demo.processes import choose_domain
     os.environ.update(choose_domain(os.environ))
-    if arguments.replay is not None:
-        return _replay(arguments, urdf, directory, origin)
-    return _closed_loop(arguments, urdf, directory, origin)
+    default = 'the planar two-link arm of this package' if arguments.replay is None else (
+        'robot_description of the recording, or else the planar two-link arm of this package')
+    begin = _closed_loop if arguments.replay is None else _replay
+    return begin(arguments, urdf, directory, command_line.origin_of(
+        'demo', argv, arguments.robot, default))
 
 
 def _check_libraries(arguments: argparse.Namespace) -> None:

@@ -38,13 +38,6 @@ def execute(argv: Sequence[str] | None = None) -> NoReturn:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Serve the page until interrupted; return the exit status."""
-    given = list(sys.argv[1:] if argv is None else argv)
-    split = given.index('--ros-args') if '--ros-args' in given else len(given)
-    arguments = _parser().parse_args(given[:split])
-    return run_tool('viewer', partial(_run, arguments, given[split:]), rejected=FAILED)
-
-
-def _parser() -> Parser:
     parser = Parser(prog='viewer', description=__doc__)
     parser.add_argument(
         '--host', default=DEFAULT_HOST, metavar='ADDRESS',
@@ -72,7 +65,10 @@ def _parser() -> Parser:
     parser.add_argument(
         '--simulated-arm', default='simulated_arm', metavar='NAME',
         help='Name of the node for pushes and loads (default: %(default)s)')
-    return parser
+    given = list(sys.argv[1:] if argv is None else argv)
+    split = given.index('--ros-args') if '--ros-args' in given else len(given)
+    arguments = parser.parse_args(given[:split])
+    return run_tool('viewer', partial(_run, arguments, given[split:]), rejected=FAILED)
 
 
 def port_number(text: str) -> int:
