@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray, IntArray, wrap_to_pi
+from robot_dynamics.arrays import FloatArray, wrap_to_pi
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import ArmModel
@@ -89,7 +89,7 @@ def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport
     if states.position is None or len(stamps) < 2 or len(arrivals) < 2 or run.start_ns == 0:
         raise RecordingError('no state of the motion was recorded, or no effort for one')
     wall_seconds = 1e-9 * (arrivals[-1] - arrivals[0])
-    times = _seconds(stamps - run.start_ns)
+    times = 1e-9 * (stamps - run.start_ns)
     measured = states.position[during]
     reference = sample_trajectory(run.motion.trajectory, times).position
     error = reference - measured
@@ -98,7 +98,7 @@ def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport
     term_during = (term_stamps >= run.start_ns) & (term_stamps <= run.end_ns)
     return LoopReport(
         arm, times, reference, measured, error,
-        _seconds(term_stamps[term_during] - run.start_ns),
+        1e-9 * (term_stamps[term_during] - run.start_ns),
         {name: values[term_during] for name, values in terms.items()},
         float(commanded.mean()), (len(arrivals) - 1) / wall_seconds, wall_seconds)
 
@@ -194,7 +194,3 @@ def tracking_verdict(
             name, Grade.BAD, f'{100.0 * answered:.0f} % of the states were answered: {size}',
             'use a lower `--rate`')
     return Verdict(name, Grade.BAD, f'the joint does not track: {size}', FASTER)
-
-
-def _seconds(nanoseconds: IntArray) -> FloatArray:
-    return np.asarray(nanoseconds * 1e-9)

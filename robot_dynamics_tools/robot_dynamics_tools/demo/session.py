@@ -13,12 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import InertiaStamped
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from robot_dynamics_tools.demo.processes import DemoError, Nodes
-from robot_dynamics_tools.recorder import (
-    interface_definitions,
-    Recorder,
-    TopicSpec,
-    write_description,
-)
+from robot_dynamics_tools.recorder import Recorder, TopicSpec, write_description
 from robot_dynamics_tools.recordings.reader import RecordingWriter, TopicQos
 from robot_dynamics_tools.recordings.topics import ROBOT_DESCRIPTION
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
@@ -51,6 +46,7 @@ class Session(DynamicsClient):
         TopicSpec(TRAJECTORY, JointTrajectory),
         TopicSpec('/diagnostics', DiagnosticArray, qos=TopicQos(depth=10)))
     """The recorded topics: commands of `dynamics`, and the joint states for them."""
+    recorder: Recorder
 
     def __init__(
         self, writer: RecordingWriter, topics: Sequence[TopicSpec],
@@ -71,7 +67,7 @@ class Session(DynamicsClient):
     def on_turn(self) -> None:
         """Record the waiting messages; raise DemoError if a node has ended."""
         self.processes.check()
-        self.recorder.drain()
+        super().on_turn()
 
     def wait_for(self, condition: Callable[[], object], what: str) -> None:
         """Record until `condition` holds; raise DemoError at START_TIMEOUT or if a node ends."""
@@ -102,8 +98,7 @@ def recording_session(
 
     The recording begins with the URDF, as any viewer and `--replay` expect it.
     """
-    definitions = interface_definitions('robot_dynamics_interfaces', ['DynamicsTerms'])
-    with (RecordingWriter(directory / RECORDING, definitions) as writer,
+    with (RecordingWriter(directory / RECORDING) as writer,
           Session(writer, (*Session.TOPICS, *topics), time_ns, Nodes(directory)) as session):
         write_description(
             writer, ROBOT_DESCRIPTION, urdf, time.time_ns() if time_ns is None else time_ns())

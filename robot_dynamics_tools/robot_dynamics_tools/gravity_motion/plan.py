@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import FloatArray, wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.validation import check_scalar
@@ -171,9 +171,8 @@ def position_bounds(
 
 
 def within_a_turn(arm: ArmModel, position: FloatArray) -> FloatArray:
-    """Return a position (n,) with continuous joints in [−π, π)."""
-    turned = np.remainder(position + np.pi, 2.0 * np.pi) - np.pi
-    return np.where(arm.is_continuous, turned, position)
+    """Return a position (n,) with continuous joints in (−π, π]."""
+    return np.where(arm.is_continuous, wrap_to_pi(position), position)
 
 
 def _given_or(

@@ -15,7 +15,6 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics_tools.gravity_calibration.holds import per_joint
 from robot_dynamics_tools.gravity_motion.plan import Move
-from robot_dynamics_tools.recorder import Recorder
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.move import MotionWatch
 from sensor_msgs.msg import JointState
@@ -30,17 +29,6 @@ SETTLE_TIME = 20.0
 LATE_FACTOR, LATE_TIME = 10.0, 30.0
 """A move may take this many times its planned duration, and this time [s] in addition."""
 Publish = Callable[[Sequence[float], float], None]
-
-
-class RecordingClient(DynamicsClient):
-    """A client that records while it waits."""
-
-    recorder: Recorder | None = None
-
-    def on_turn(self) -> None:
-        """Record the waiting messages."""
-        if self.recorder is not None:
-            self.recorder.drain()
 
 
 class ArmWatch(MotionWatch):

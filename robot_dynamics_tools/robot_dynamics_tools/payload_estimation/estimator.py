@@ -81,8 +81,6 @@ class PayloadEstimator:
         InvalidInputError if the model has no finite effort for a sample, and takes none of the
         MOST_SAMPLES around it and after them.
         """
-        if not len(t):
-            return
         for begin in range(0, len(t), MOST_SAMPLES):
             part = slice(begin, begin + MOST_SAMPLES)
             self._add(t[part], q[part], v[part], a[part], effort[part])

@@ -24,6 +24,7 @@ from std_msgs.msg import String
 
 if TYPE_CHECKING:
     from robot_dynamics.urdf.parser import UrdfJoint
+    from robot_dynamics_tools.recorder import Recorder
 
 TIMEOUT = 5.0
 """[s] that a node is looked for, and that an answer may take."""
@@ -57,6 +58,8 @@ class DynamicsClient:
         """`node` is a name with its namespace; empty for the only one that runs."""
         self._wanted = f'/{node.strip("/")}' if node else ''
         self.timeout = timeout
+        self.recorder: Recorder | None = None
+        """Records messages while the client waits."""
         self._target = ''
         self._context = Context()
         rclpy.init(args=[], context=self._context)
@@ -258,7 +261,9 @@ class DynamicsClient:
                 self._executor.spin_once(timeout_sec=_TURN)
 
     def on_turn(self) -> None:
-        """Do nothing; subclasses do what is due again and again during a wait."""
+        """Do what is due again and again during a wait: record the waiting messages."""
+        if self.recorder is not None:
+            self.recorder.drain()
 
     # ------------------------------------------------------------------ the arm
 

@@ -281,13 +281,9 @@ def _rgb(marker: Marker) -> FloatArray:
     return np.array([marker.color.r, marker.color.g, marker.color.b])
 
 
-def _bytes_of(colour: FloatArray) -> Any:
-    return np.round(255.0 * colour).astype(np.uint8)
-
-
 def _update_line(handle: Any, marker: Marker) -> None:
     handle.points = _segments(marker).astype(np.float32)
-    colour = _bytes_of(_rgb(marker))
+    colour = np.round(255.0 * _rgb(marker)).astype(np.uint8)
     if not np.array_equal(handle.colors, colour):
         handle.colors = colour
 
