@@ -16,12 +16,7 @@ from robot_dynamics_tools.demo.loop import LoopRun
 from robot_dynamics_tools.demo.session import Session
 from robot_dynamics_tools.excitation.demo_motion import sample_trajectory
 from robot_dynamics_tools.recordings.reader import Recording, stack, stamp_ns
-from robot_dynamics_tools.reporting.figures import (
-    effort_panel,
-    error_panel,
-    Panel,
-    position_panel,
-)
+from robot_dynamics_tools.reporting.figures import effort_panel, Panel
 from robot_dynamics_tools.reporting.interactive import add_time_figures
 from robot_dynamics_tools.reporting.text_table import quantity_table
 
@@ -145,8 +140,10 @@ def loop_panels(report: LoopReport) -> tuple[Panel, ...]:
     lines = {name: values for name, values in report.terms.items()
              if name != 'friction' or friction.viscous.any() or friction.coulomb.any()}
     return (
-        position_panel(report.times, report.reference, report.measured),
-        error_panel(report.times, report.error),
+        Panel('Position', 'position', report.times,
+              {'reference': report.reference, 'measured': report.measured}, ('rad', 'm')),
+        Panel('Tracking error', 'error', report.times, {'error': report.error}, ('mrad', 'mm'),
+              1e3),
         effort_panel('Effort by term', report.term_times, lines))
 
 

@@ -99,19 +99,6 @@ class TimeBoundary(NamedTuple):
     after: str
 
 
-def position_panel(times: FloatArray, reference: FloatArray, measured: FloatArray) -> Panel:
-    """Return the panel of a reference and the measured position, both (m, n) [rad] or [m]."""
-    return Panel(
-        'Position', 'position', times, {'reference': reference, 'measured': measured},
-        ('rad', 'm'))
-
-
-def error_panel(times: FloatArray, error: FloatArray) -> Panel:
-    """Return the panel of a tracking error, (m, n) [rad] or [m]."""
-    return Panel(
-        'Tracking error', 'error', times, {'error': error}, ('mrad', 'mm'), 1e3)
-
-
 def effort_panel(title: str, times: FloatArray, lines: Mapping[str, FloatArray]) -> Panel:
     """Return the panel of efforts, each (m, n) [N·m] or [N]; names as in LINES."""
     return Panel(title, 'effort', times, lines, ('N·m', 'N'))

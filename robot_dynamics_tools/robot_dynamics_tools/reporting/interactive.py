@@ -58,7 +58,9 @@ def add_time_figures(
     static = png(joint_figure(title, arm, panels, boundary))
     static_image = image(static, what)
     try:
-        span = _bokeh('models').Range1d(*_span(panels), bounds='auto', min_interval=1e-3)
+        span = _bokeh('models').Range1d(
+            min(float(panel.times[0]) for panel in panels),
+            max(float(panel.times[-1]) for panel in panels), bounds='auto', min_interval=1e-3)
     except MissingDependencyError:  # whose message has a path of this machine
         page.add(f'{static_image}<p>{WITHOUT_BOKEH}</p>')
         return static
@@ -80,12 +82,6 @@ def add_time_figures(
 
 def _bokeh(part: str) -> Any:
     return optional(f'bokeh.{part}', 'zoom in the figures of a report')
-
-
-def _span(panels: Sequence[Panel]) -> tuple[float, float]:
-    """Return the first and the last time of all panels [s]."""
-    return (min(float(panel.times[0]) for panel in panels),
-            max(float(panel.times[-1]) for panel in panels))
 
 
 def _figure(

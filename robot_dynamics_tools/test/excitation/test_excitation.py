@@ -19,6 +19,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import trajectory_from_ros
 from robot_dynamics.trajectories.files import read_trajectory, write_trajectory
+from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics_tools.commands.excite import main
 from robot_dynamics_tools.excitation.demo_motion import sample_trajectory
 from robot_dynamics_tools.excitation.evolution_strategy import minimize_by_rank
@@ -26,7 +27,6 @@ from robot_dynamics_tools.excitation.excitation import (
     ConditionNumber,
     Excitation,
     find_excitation,
-    Motion,
 )
 from robot_dynamics_tools.excitation.excitation_limits import LimitFractions, motion_limits
 from robot_dynamics_tools.excitation.excitation_trajectory import exciting_trajectory
@@ -44,8 +44,8 @@ DURATION, HARMONICS = 8.0, 4
 def test_a_series_is_at_rest_at_both_ends_and_its_derivatives_are_its_own(harmonics):
     times = np.linspace(0.0, DURATION, 4001)
     basis = series_basis(harmonics, DURATION, times)
-    assert basis.position.shape == (4001, 2 * harmonics - 2)
-    assert np.linalg.matrix_rank(basis.position) == 2 * harmonics - 2
+    assert basis[0].shape == (4001, 2 * harmonics - 2)
+    assert np.linalg.matrix_rank(basis[0]) == 2 * harmonics - 2
     for values in basis:
         assert values[[0, -1]] == pytest.approx(0.0, abs=1e-12)
     for values, rates in zip(basis, basis[1:]):
@@ -126,18 +126,18 @@ def test_the_condition_number_is_that_of_the_base_regressor(dynamics):
     q, v, a = random.normal(size=(3, 50, 2))
     condition = ConditionNumber(dynamics.arm)
     assert condition.parameter_count == 7 + 6
-    values = condition(Motion(q, v, a))
-    assert condition(Motion(q, v, a)) == values > 1.0
+    values = condition(Reference(q, v, a))
+    assert condition(Reference(q, v, a)) == values > 1.0
     # a joint at rest does not excite its rotor inertia and its friction
     v[:, 1] = a[:, 1] = 0.0
-    assert condition(Motion(q, v, a)) >= 1e8
+    assert condition(Reference(q, v, a)) >= 1e8
 
 
 def test_rounded_angles_of_a_urdf_excite_no_parameters():
     """The xArm 7 turns its axes by 1.5708, which differs from π/2 by 4e-6."""
     arm = load_arm(robot_urdf('xarm7'))
     q, v, a = np.random.default_rng(0).normal(size=(3, 100, 7))
-    assert ConditionNumber(arm)(Motion(q, v, a)) < 1e3
+    assert ConditionNumber(arm)(Reference(q, v, a)) < 1e3
 
 
 @pytest.mark.parametrize(('fractions', 'start', 'words'), [

@@ -25,8 +25,11 @@ WAVES = np.column_stack([np.sin(3.0 * TIMES), 0.1 * np.cos(3.0 * TIMES)])
 @pytest.fixture
 def figure():
     return figures.joint_figure('two joints', TWO, (
-        figures.position_panel(TIMES, WAVES, WAVES + 0.01),
-        figures.error_panel(TIMES, 0.001 * WAVES),
+        figures.Panel(
+            'Position', 'position', TIMES, {'reference': WAVES, 'measured': WAVES + 0.01},
+            ('rad', 'm')),
+        figures.Panel(
+            'Tracking error', 'error', TIMES, {'error': 0.001 * WAVES}, ('mrad', 'mm'), 1e3),
         figures.effort_panel('Effort', TIMES, {'gravity': WAVES, 'effort': 2.0 * WAVES})))
 
 
@@ -105,7 +108,7 @@ def test_values_of_zero_are_drawn_on_a_finite_axis():
 def test_without_matplotlib_it_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, 'matplotlib', None)  # Python's mark of a missing module
     with pytest.raises(MissingDependencyError, match='matplotlib'):
-        figures.joint_figure('x', ONE, (figures.error_panel(TIMES, WAVES),))
+        figures.joint_figure('x', ONE, (figures.effort_panel('Effort', TIMES, {'effort': WAVES}),))
 
 
 def test_neither_matplotlib_nor_ros_is_loaded_by_the_import():
