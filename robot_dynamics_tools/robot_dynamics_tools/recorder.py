@@ -22,8 +22,8 @@ from rclpy.serialization import serialize_message
 from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
 from robot_dynamics.ros.middleware.rclpy_internals import message_inbox
 from robot_dynamics_tools.recordings.interrupts import uninterrupted
-from robot_dynamics_tools.recordings.reader import RecordingWriter, TopicQos
-from robot_dynamics_tools.recordings.topics import common_types
+from robot_dynamics_tools.recordings.topics import common_types, TopicQos
+from robot_dynamics_tools.recordings.writer import RecordingWriter
 from std_msgs.msg import String
 
 RECEIVE_DEPTH = 2000

@@ -17,8 +17,8 @@ from robot_dynamics_tools.recordings.message_encoding import (
     dynamics_terms_messages,
     joint_state_messages,
 )
-from robot_dynamics_tools.recordings.reader import JOINT_STATE, RecordingWriter
-from robot_dynamics_tools.recordings.topics import DYNAMICS_TERMS
+from robot_dynamics_tools.recordings.topics import DYNAMICS_TERMS, JOINT_STATE
+from robot_dynamics_tools.recordings.writer import RecordingWriter
 
 TERMS_TOPIC, RESIDUAL_TOPIC = '/dynamics/terms', '/dynamics_monitor/residual'
 _ROWS = 1000

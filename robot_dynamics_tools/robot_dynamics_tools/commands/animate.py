@@ -23,16 +23,12 @@ from robot_dynamics.tools import command_line
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools import options
 from robot_dynamics_tools.analysis.motion_filter import filter_motion_below
-from robot_dynamics_tools.animation.arm_motion import (
-    ArmMotion,
-    LIFT_FRACTION,
-    motion_of,
-    simulate_motion,
-)
+from robot_dynamics_tools.animation import arm_motion
 from robot_dynamics_tools.animation.chain_animation import chain_frames, frame_count
 from robot_dynamics_tools.animation.video import check_format, Frame, write_video
 from robot_dynamics_tools.pictures.planar_view import PlanarView
-from robot_dynamics_tools.recordings.reader import JointSeries, Recording
+from robot_dynamics_tools.recordings.joint_series import JointSeries
+from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.reporting.progress import Progress
 
 LONGEST_DURATION = 600.0
@@ -85,7 +81,8 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.topic is not None and not recorded:
         raise InvalidInputError(
             '--topic is given without a recording; it is a topic of the recording')
-    stops = arguments.stop if arguments.stop is not None else [0.6 * LIFT_FRACTION * duration]
+    stops = [0.6 * arm_motion.LIFT_FRACTION * duration] if arguments.stop is None else (
+        arguments.stop)
     for stop in stops:
         check_scalar('--stop', stop, 0.0, duration)
     output = arguments.output or Path('arm.gif')
@@ -116,10 +113,10 @@ def _counted(frames: Iterable[Frame], progress: Progress) -> Iterator[Frame]:
         yield frame
 
 
-def _simulated_motion(arm: ArmModel, duration: float, rate: float) -> ArmMotion:
+def _simulated_motion(arm: ArmModel, duration: float, rate: float) -> arm_motion.ArmMotion:
     print(f'Simulating {duration:g} s of {arm.name} ...', flush=True)
     with Progress(duration, 's') as progress:
-        return simulate_motion(arm, duration, rate, progress.update)
+        return arm_motion.simulate_motion(arm, duration, rate, progress.update)
 
 
 def _read_recording(arguments: argparse.Namespace) -> tuple[ArmModel, JointSeries]:
@@ -134,14 +131,14 @@ def _read_recording(arguments: argparse.Namespace) -> tuple[ArmModel, JointSerie
 def _recorded_motion(
     arm: ArmModel, series: JointSeries, arguments: argparse.Namespace, duration: float,
     rate: float,
-) -> ArmMotion:
+) -> arm_motion.ArmMotion:
     _check_joints(arm, series, arguments.bag)
     series = series.of_joints(arm.joint_names).unwrapped(arm.is_continuous)
     measured = filter_motion_below(series, CUTOFF)
     last = measured.times[-1]
     start = check_scalar('--from', arguments.start, 0.0, last)
     shown = (measured.times >= start) & (measured.times <= start + duration)
-    motion = motion_of(
+    motion = arm_motion.motion_of(
         arm, measured.times[shown] - start, measured.position[shown], measured.velocity[shown],
         measured.acceleration[shown],
         measured.effort[shown] if measured.effort is not None else None,

@@ -23,7 +23,7 @@ from robot_dynamics.tools import command_line
 from robot_dynamics.trajectories.files import write_trajectory
 from robot_dynamics_tools import options
 from robot_dynamics_tools.excitation.excitation import Excitation, find_excitation, GENERATIONS
-from robot_dynamics_tools.excitation.excitation_limits import LimitFractions, motion_limits
+from robot_dynamics_tools.excitation.excitation_limits import motion_limits
 from robot_dynamics_tools.excitation.excitation_trajectory import (
     exciting_trajectory,
     ExcitingTrajectory,
@@ -72,11 +72,10 @@ def _run(arguments: argparse.Namespace) -> int:
         options.read_robot(arguments.urdf),
         options.read_parameters(arguments.parameters), arguments.joints)
     dynamics = ArmDynamics(arm)
-    fractions = LimitFractions(
+    limits = motion_limits(
+        dynamics, None if arguments.start is None else np.array(arguments.start),
         arguments.position_margin, arguments.velocity_scale, arguments.effort_scale,
         arguments.acceleration)
-    start = None if arguments.start is None else np.array(arguments.start)
-    limits = motion_limits(dynamics, fractions, start)
     print(f'Searching for {arm.name} ({arm.joint_count} joints) ...', flush=True)
     with Progress(GENERATIONS, 'generations') as progress:
         excitation = find_excitation(

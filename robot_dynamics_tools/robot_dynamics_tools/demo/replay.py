@@ -14,7 +14,8 @@ from robot_dynamics.ros.middleware.conversions import floats_to_ros, stamp_to_ro
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
 from robot_dynamics_tools.demo.processes import DemoError, DYNAMICS
 from robot_dynamics_tools.demo.session import DESCRIPTION, recording_session, Session
-from robot_dynamics_tools.recordings.reader import JointSeries, Recording
+from robot_dynamics_tools.recordings.joint_series import JointSeries
+from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.reporting.progress import Progress
 from sensor_msgs.msg import JointState
 

@@ -14,8 +14,8 @@ from geometry_msgs.msg import InertiaStamped
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from robot_dynamics_tools.demo.processes import DemoError, Nodes
 from robot_dynamics_tools.recorder import Recorder, TopicSpec, write_description
-from robot_dynamics_tools.recordings.reader import RecordingWriter, TopicQos
-from robot_dynamics_tools.recordings.topics import ROBOT_DESCRIPTION
+from robot_dynamics_tools.recordings.topics import ROBOT_DESCRIPTION, TopicQos
+from robot_dynamics_tools.recordings.writer import RecordingWriter
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray

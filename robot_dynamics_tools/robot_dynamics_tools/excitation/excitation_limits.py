@@ -20,28 +20,9 @@ from robot_dynamics.validation import check_scalar, check_vector
 
 LARGEST_SWING = np.pi
 """Largest distance [rad] or [m] from the start, for joints without position limits."""
-DEFAULT_ACCELERATION = 6.0
-"""Largest acceleration [rad/s²] or [m/s²]."""
-
 # Start positions of the joints within their ranges: from the middle, in units of half the range.
 _START_PATTERN = (0.25, 1.0 / 6.0)
 _START_SCALES = (1.0, 0.5, 0.25, 0.0, -0.25, -0.5, -1.0)
-
-
-@dataclass(frozen=True)
-class LimitFractions:
-    """
-    The fractions of the limits that a motion may use.
-
-    `position_margin` is the fraction of a joint's range that is kept free at each end, `velocity`
-    and `effort` are the fractions of those limits. `acceleration` [rad/s²] or [m/s²] is the limit
-    itself, because a URDF has no acceleration limit.
-    """
-
-    position_margin: float = 0.05
-    velocity: float = 0.6
-    effort: float = 0.8
-    acceleration: float = DEFAULT_ACCELERATION
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,20 +54,23 @@ class ExcitationLimits:
 
 
 def motion_limits(
-    dynamics: ArmDynamics, fractions: LimitFractions, start: FloatArray | None = None,
+    dynamics: ArmDynamics, start: FloatArray | None = None, position_margin: float = 0.05,
+    velocity_scale: float = 0.6, effort_scale: float = 0.8, acceleration: float = 6.0,
 ) -> ExcitationLimits:
     """
     Return the limits of a motion from `start` (n,), or from a default pose without `start`.
 
+    `position_margin` is the fraction of a joint's range that is kept free at each end, both scales
+    are the used fractions of those limits. `acceleration` [rad/s²] or [m/s²] is the limit itself,
+    because a URDF has no acceleration limit.
     Raises InvalidInputError for a fraction outside (0, 1], for a start at which a joint cannot
     move within its limits, and if the gravity torque at the start exceeds the allowed effort.
     """
     arm = dynamics.arm
-    margin = check_scalar('position_margin', fractions.position_margin, 0.0, 0.49)
-    velocity = check_scalar('velocity_scale', fractions.velocity, 0.0, 1.0, exclusive_minimum=True)
-    effort = check_scalar('effort_scale', fractions.effort, 0.0, 1.0, exclusive_minimum=True)
-    acceleration = check_scalar(
-        'acceleration', fractions.acceleration, 0.0, exclusive_minimum=True)
+    margin = check_scalar('position_margin', position_margin, 0.0, 0.49)
+    velocity = check_scalar('velocity_scale', velocity_scale, 0.0, 1.0, exclusive_minimum=True)
+    effort = check_scalar('effort_scale', effort_scale, 0.0, 1.0, exclusive_minimum=True)
+    check_scalar('acceleration', acceleration, 0.0, exclusive_minimum=True)
     limits, n = arm.limits, arm.joint_count
     q0 = start_pose(dynamics) if start is None else check_vector(
         'start', start, n, arm.joint_names)

@@ -18,13 +18,7 @@ from robot_dynamics_tools.analysis.motion_filter import (
     FilteredMotion,
     samples_per_independent_sample,
 )
-from robot_dynamics_tools.identification.friction_regressor import (
-    COLUMN_NAMES,
-    INERTIA,
-    joint_columns,
-    PAYLOAD,
-    SHARP,
-)
+from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.joint_excitation import excitation_of
 from robot_dynamics_tools.identification.qr_information import QrInformation, reduce_rows
 from robot_dynamics_tools.identification.regularized_fit import Fit, without_memory
@@ -63,10 +57,11 @@ def regression_rows(
     of_payload = _of_payload(arm, motion)
     own = _own_columns(arm, motion, reference, of_payload)
     if is_filtered:
-        own[:, :, SHARP] = filter_like(
-            motion, own[:, :, SHARP].reshape(len(own), -1)).reshape(own[:, :, SHARP].shape)
+        sharp = own[:, :, friction_regressor.SHARP]
+        own[:, :, friction_regressor.SHARP] = filter_like(
+            motion, sharp.reshape(len(sharp), -1)).reshape(sharp.shape)
     if keeps_payload:
-        own[:, :, PAYLOAD] = of_payload
+        own[:, :, friction_regressor.PAYLOAD] = of_payload
     else:
         efforts = efforts - of_payload
     Y = TorqueRegressor(arm)(
@@ -97,10 +92,10 @@ def _own_columns(
     if reference is None:
         load = of_payload + _of_bodies(arm, motion, inertial_parameters(arm.with_payloads(())))
     else:
-        rotors = reference.joint_values[:, INERTIA] * a
+        rotors = reference.joint_values[:, friction_regressor.INERTIA] * a
         load = of_payload + _of_bodies(arm, motion, reference.parameters) + rotors
     starts = [0, *(np.flatnonzero(np.diff(motion.segment)) + 1).tolist()]
-    return joint_columns(arm.joint_kinds, q, v, a, load, starts)
+    return friction_regressor.joint_columns(arm.joint_kinds, q, v, a, load, starts)
 
 
 def _of_payload(arm: ArmModel, motion: FilteredMotion) -> FloatArray:
@@ -158,8 +153,8 @@ def reduce_motion(
         X, y = X * root[:, :, np.newaxis], y * root
     gap = int(np.ceil(rate / motion.cutoff_hz))
     return reduce_rows(
-        arm.joint_names, (*parameter_names(arm), *COLUMN_NAMES), X, y, gap, independent,
-        excitation_of(motion, arm.joint_kinds, count), step)
+        arm.joint_names, (*parameter_names(arm), *friction_regressor.COLUMN_NAMES), X, y, gap,
+        independent, excitation_of(motion, arm.joint_kinds, count), step)
 
 
 def huber_weights(residual: FloatArray) -> FloatArray:

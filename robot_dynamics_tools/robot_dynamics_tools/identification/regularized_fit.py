@@ -31,16 +31,7 @@ from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.joints.friction_terms import LARGEST_LOAD_FRACTION
 from robot_dynamics.model import pseudo_inertia
-from robot_dynamics_tools.identification.friction_regressor import (
-    COLUMN_COUNT,
-    COULOMB,
-    DRY,
-    FrictionStructure,
-    INERTIA,
-    LOAD,
-    OFFSET,
-    VISCOUS,
-)
+from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.qr_information import QrInformation
 
 URDF_REGULARIZATION = 1e12
@@ -85,17 +76,17 @@ class Prior:
         largest_effort = np.where(is_measured, excitation.largest_effort, np.inf)
         rms_effort = np.where(is_measured, information.rms_effort, np.inf)
         friction, largest = np.zeros_like(self.friction), np.full_like(self.largest, np.inf)
-        efforts = np.concatenate([OFFSET, DRY])
+        efforts = np.concatenate([friction_regressor.OFFSET, friction_regressor.DRY])
         friction[:, efforts] = 1.0 / largest_effort[:, np.newaxis]
-        friction[:, LOAD] = is_measured[:, np.newaxis]
+        friction[:, friction_regressor.LOAD] = is_measured[:, np.newaxis]
         # if viscous friction is hardly separable, it must stay moderate at other velocities
         is_vague = np.isfinite(self.velocity) & [
             bool(excitation.left_out(joint)) for joint in range(len(self.velocity))]
-        friction[:, VISCOUS] = np.where(
+        friction[:, friction_regressor.VISCOUS] = np.where(
             is_vague, self.velocity / rms_effort, excitation.rms_velocity / largest_effort,
         )[:, np.newaxis]
         largest[:, efforts] = largest_effort[:, np.newaxis]
-        largest[:, LOAD] = LARGEST_LOAD_FRACTION
+        largest[:, friction_regressor.LOAD] = LARGEST_LOAD_FRACTION
         return replace(self, friction=friction, largest=largest)
 
 
@@ -111,8 +102,8 @@ def make_prior(
     return Prior(
         np.concatenate([pseudo_inertia.parameters_of(root @ root.T) for root in roots]), roots,
         rows, np.maximum(joint_inertia, max(_LEAST_ROTOR * float(joint_inertia.max()), 1e-6)),
-        velocity_limit, np.zeros((len(joint_inertia), COLUMN_COUNT)),
-        np.full((len(joint_inertia), COLUMN_COUNT), np.inf))
+        velocity_limit, np.zeros((len(joint_inertia), friction_regressor.COLUMN_COUNT)),
+        np.full((len(joint_inertia), friction_regressor.COLUMN_COUNT), np.inf))
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +116,7 @@ class Fit:
 
     parameters: FloatArray
     joint_values: FloatArray
-    structures: tuple[FrictionStructure, ...]
+    structures: tuple[friction_regressor.FrictionStructure, ...]
 
     @property
     def theta(self) -> FloatArray:
@@ -141,16 +132,16 @@ class Fit:
 
 def without_memory(fit: Fit) -> Fit:
     """Return the fit with the sign of velocity instead of the state of presliding."""
-    values = fit.joint_values.copy()
-    values[:, COULOMB] = 0.0
-    values[:, COULOMB[0]] = fit.joint_values[:, COULOMB].sum(axis=1)
+    values, coulomb = fit.joint_values.copy(), friction_regressor.COULOMB
+    values[:, coulomb] = 0.0
+    values[:, coulomb[0]] = fit.joint_values[:, coulomb].sum(axis=1)
     return Fit(fit.parameters, values, fit.structures)
 
 
 class Problem(NamedTuple):
     """The cost function of a fit: structures of n joints, weights w (n,), the prior, and κ."""
 
-    structures: tuple[FrictionStructure, ...]
+    structures: tuple[friction_regressor.FrictionStructure, ...]
     weights: FloatArray
     prior: Prior
     regularization: float
@@ -171,7 +162,7 @@ class Problem(NamedTuple):
     def fit_of(self, x: FloatArray) -> Fit:
         """Return the fit of the variables x: p of the bodies, then those of `own`."""
         p = self.prior.count
-        values = np.zeros((len(self.structures), COLUMN_COUNT))
+        values = np.zeros((len(self.structures), friction_regressor.COLUMN_COUNT))
         for j, (columns, part) in enumerate(self.own):
             values[j, columns - p] = x[part]
         return Fit(x[:p], values, self.structures)
@@ -244,8 +235,8 @@ def bounded_problem(
         # a joint may have two columns of dry friction, which together have the bound
         count = max(structures[j].dry_count, 1)
         high[part] = prior.largest[j, columns - p] / np.where(
-            np.isin(columns - p, DRY), count, 1)
-        low[part] = np.where(np.isin(columns - p, OFFSET), -high[part], 0.0)
+            np.isin(columns - p, friction_regressor.DRY), count, 1)
+        low[part] = np.where(np.isin(columns - p, friction_regressor.OFFSET), -high[part], 0.0)
     A[n * k:n * k + p, :p] = np.sqrt(regularization) * prior.rows
     b[n * k:n * k + p] = np.sqrt(regularization) * prior.rows @ prior.parameters
     return A, b, low, high
@@ -258,10 +249,10 @@ def is_physical(joint_values: FloatArray, largest: FloatArray) -> bool:
     Both are of one joint, (COLUMN_COUNT,), `largest` as in `Prior`; the rotor is not checked.
     """
     values = joint_values.copy()
-    values[INERTIA] = 0.0
-    values[OFFSET] = np.abs(values[OFFSET])
+    values[friction_regressor.INERTIA] = 0.0
+    values[friction_regressor.OFFSET] = np.abs(values[friction_regressor.OFFSET])
     return bool((values >= 0.0).all() and (values <= largest).all()
-                and values[DRY].sum() <= largest[DRY[0]])
+                and values[friction_regressor.DRY].sum() <= largest[friction_regressor.DRY[0]])
 
 
 def consistent_fit(factors: FloatArray, problem: Problem, start: Fit) -> Fit:

@@ -14,16 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction
 from robot_dynamics.joints.parameter_field import ParameterField
+from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
 from robot_dynamics_tools.identification.drive_gains import GainEstimate, MASS_ERROR
-from robot_dynamics_tools.identification.friction_regressor import (
-    COLUMN_NAMES,
-    DRY,
-    FRICTION_COLUMNS,
-    INERTIA,
-    OFFSET,
-    VISCOUS,
-)
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
 from robot_dynamics_tools.identification.pipeline import Identification
@@ -46,7 +39,8 @@ LEAST_NOISE = 1e-4
 LEAST_DIFFERENCE = 1e-6
 """Smallest difference from the estimate without bounds, relative to the largest value."""
 _UNITS = (
-    'kg·m² or kg', *(' or '.join(column.parameter.units) for column in FRICTION_COLUMNS))
+    'kg·m² or kg', *(' or '.join(column.parameter.units)
+                     for column in friction_regressor.FRICTION_COLUMNS))
 
 
 class ActiveBound(NamedTuple):
@@ -131,7 +125,7 @@ def friction_rows(identification: Identification) -> Rows:
     rows: Rows = [('joint', *(field.heading for field in shown), 'reflected inertia')]
     for j, name in enumerate(arm.joint_names):
         rows.append((name, *(_friction_cell(field, friction, j) for field in shown),
-                     f'{fit.joint_values[j, INERTIA]:.4g}'))
+                     f'{fit.joint_values[j, friction_regressor.INERTIA]:.4g}'))
     return rows
 
 
@@ -177,7 +171,8 @@ def _of_friction(identification: Identification) -> Iterator[str]:
     for name in not_separable(identification):
         j = names.index(name)
         used = [word for word, columns in (
-            ('viscous friction', VISCOUS), ('dry friction', DRY), ('an offset', OFFSET))
+            ('viscous friction', friction_regressor.VISCOUS),
+            ('dry friction', friction_regressor.DRY), ('an offset', friction_regressor.OFFSET))
             if structures[j].has(columns)]
         yield (f'{name}: {excitation.reason(j)}: viscous friction, dry friction and offset are '
                f'not separable; the model has only {" and ".join(used) or "none of them"}')
@@ -192,9 +187,10 @@ def bounds_by_joint(identification: Identification) -> dict[int, list[ActiveBoun
             value = float(bounded.joint_values[j, column])
             other = float(unbounded.joint_values[j, column])
             least = LEAST_DIFFERENCE * max(abs(value), abs(other))
-            if column not in OFFSET and other < -least and abs(value) <= -1e-3 * other:
+            if column not in friction_regressor.OFFSET and other < -least and (
+                    abs(value) <= -1e-3 * other):
                 by_joint.setdefault(j, []).append(ActiveBound(
-                    j, COLUMN_NAMES[column], _UNITS[column], value, other))
+                    j, friction_regressor.COLUMN_NAMES[column], _UNITS[column], value, other))
     return by_joint
 
 

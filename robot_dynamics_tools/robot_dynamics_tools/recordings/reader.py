@@ -28,14 +28,7 @@ from robot_dynamics_tools.recordings.topics import (
     JOINT_STATE,
     RecordedTopic,
     ROBOT_DESCRIPTION,
-    TopicQos,
 )
-from robot_dynamics_tools.recordings.writer import RecordingWriter
-
-__all__ = [
-    'JOINT_STATE', 'JointSeries', 'RecordedTopic', 'Recording', 'RecordingWriter', 'stack',
-    'stamp_ns', 'TopicQos',
-]
 
 
 class Recording(AbstractContextManager['Recording']):

@@ -19,15 +19,7 @@ import numpy as np
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import MissingDependencyError
 from robot_dynamics.model_check.html_page import Page
-from robot_dynamics_tools.reporting.figures import (
-    GREY,
-    joint_figure,
-    LABELS,
-    LINES,
-    LineStyle,
-    Panel,
-    TimeBoundary,
-)
+from robot_dynamics_tools.reporting import figures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,8 +38,8 @@ USE = ('Drag over a time span to zoom all figures to it. The tools on the right 
 
 
 def add_time_figures(
-    page: Page, arm: 'ArmModel', title: str, panels: Sequence[Panel], what: str,
-    boundary: TimeBoundary | None = None,
+    page: Page, arm: 'ArmModel', title: str, panels: Sequence[figures.Panel], what: str,
+    boundary: figures.TimeBoundary | None = None,
 ) -> bytes:
     """
     Add figures with a row per joint and a column per panel, and a common time axis.
@@ -55,7 +47,7 @@ def add_time_figures(
     Return the static counterpart as PNG, which print shows; `what` describes it. Without Bokeh the
     page has only that image, and a command that installs Bokeh.
     """
-    static = png(joint_figure(title, arm, panels, boundary))
+    static = png(figures.joint_figure(title, arm, panels, boundary))
     static_image = image(static, what)
     try:
         span = _bokeh('models').Range1d(
@@ -85,8 +77,8 @@ def _bokeh(part: str) -> Any:
 
 
 def _figure(
-    panel: Panel, row: int, joint: str, prismatic: bool, span: Any,
-    boundary: TimeBoundary | None,
+    panel: figures.Panel, row: int, joint: str, prismatic: bool, span: Any,
+    boundary: figures.TimeBoundary | None,
 ) -> Any:
     """Return the figure of one panel at one joint."""
     models = _bokeh('models')
@@ -105,7 +97,7 @@ def _figure(
     source = models.ColumnDataSource({
         name: np.asarray(values, dtype=np.float32) for name, values in columns.items()})
     drawn = [
-        (LABELS.get(name, name), [_draw(figure, source, name, LINES[name])])
+        (figures.LABELS.get(name, name), [_draw(figure, source, name, figures.LINES[name])])
         for name in panel.lines]
     figure.add_tools(models.HoverTool(tooltips=[
         ('', '$name'), ('time', '$x{0.000} s'), (panel.quantity, f'$y{{0.000}} {unit}')]))
@@ -119,19 +111,19 @@ def _figure(
     return figure
 
 
-def _draw(figure: Any, source: Any, name: str, style: LineStyle) -> Any:
+def _draw(figure: Any, source: Any, name: str, style: figures.LineStyle) -> Any:
     dash = 'solid' if isinstance(style.dash, str) else [
         max(1, round(style.width * length)) for length in style.dash[1]]
     return figure.line(
-        'time', name, source=source, name=LABELS.get(name, name), color=style.colour,
+        'time', name, source=source, name=figures.LABELS.get(name, name), color=style.colour,
         line_dash=dash, line_width=style.width)
 
 
-def _mark(figure: Any, boundary: TimeBoundary, has_labels: bool) -> None:
+def _mark(figure: Any, boundary: figures.TimeBoundary, has_labels: bool) -> None:
     """Draw the boundary, with the names of both sides."""
     models = _bokeh('models')
     figure.add_layout(models.Span(
-        location=boundary.time, dimension='height', line_color=GREY, line_dash='dashed'))
+        location=boundary.time, dimension='height', line_color=figures.GREY, line_dash='dashed'))
     if not has_labels:
         return
     for text, align in ((f'{boundary.before} ◂ ', 'right'), (f' ▸ {boundary.after}', 'left')):

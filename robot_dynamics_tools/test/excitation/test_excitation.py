@@ -28,7 +28,7 @@ from robot_dynamics_tools.excitation.excitation import (
     Excitation,
     find_excitation,
 )
-from robot_dynamics_tools.excitation.excitation_limits import LimitFractions, motion_limits
+from robot_dynamics_tools.excitation.excitation_limits import motion_limits
 from robot_dynamics_tools.excitation.excitation_trajectory import exciting_trajectory
 from robot_dynamics_tools.excitation.fourier_series import series_basis
 from robots import robot_path, robot_urdf
@@ -62,8 +62,8 @@ def dynamics() -> ArmDynamics:
 @pytest.fixture(scope='module')
 def excitation(dynamics: ArmDynamics) -> Excitation:
     """Return a motion that is also limited by efforts, as the arm may use few of them."""
-    fractions = LimitFractions(velocity=0.5, effort=0.4, acceleration=20.0)
-    return find_excitation(dynamics, motion_limits(dynamics, fractions), HARMONICS, DURATION)
+    limits = motion_limits(dynamics, velocity_scale=0.5, effort_scale=0.4, acceleration=20.0)
+    return find_excitation(dynamics, limits, HARMONICS, DURATION)
 
 
 def test_no_limit_is_passed_anywhere(dynamics, excitation):
@@ -140,24 +140,25 @@ def test_rounded_angles_of_a_urdf_excite_no_parameters():
     assert ConditionNumber(arm)(Reference(q, v, a)) < 1e3
 
 
-@pytest.mark.parametrize(('fractions', 'start', 'words'), [
-    (LimitFractions(velocity=0.0), None, 'velocity_scale is 0'),
-    (LimitFractions(effort=1.5), None, 'effort_scale is 1.5'),
-    (LimitFractions(position_margin=0.5), None, 'position_margin is 0.5'),
-    (LimitFractions(acceleration=-1.0), None, 'acceleration is -1'),
-    (LimitFractions(effort=0.1), [1.5, 0.0], "'joint1' needs .* to hold the arm at the start"),
-    (LimitFractions(), [math.inf, 0.0], r'start\[0\] \(joint1\) is inf'),
-    (LimitFractions(), [0.0], 'start has 1 values, expected 2'),
+@pytest.mark.parametrize(('settings', 'words'), [
+    ({'velocity_scale': 0.0}, 'velocity_scale is 0'),
+    ({'effort_scale': 1.5}, 'effort_scale is 1.5'),
+    ({'position_margin': 0.5}, 'position_margin is 0.5'),
+    ({'acceleration': -1.0}, 'acceleration is -1'),
+    ({'effort_scale': 0.1, 'start': np.array([1.5, 0.0])},
+     "'joint1' needs .* to hold the arm at the start"),
+    ({'start': np.array([math.inf, 0.0])}, r'start\[0\] \(joint1\) is inf'),
+    ({'start': np.array([0.0])}, 'start has 1 values, expected 2'),
 ])
-def test_limits_that_make_no_sense_are_refused(dynamics, fractions, start, words):
+def test_limits_that_make_no_sense_are_refused(dynamics, settings, words):
     with pytest.raises(InvalidInputError, match=words):
-        motion_limits(dynamics, fractions, None if start is None else np.array(start))
+        motion_limits(dynamics, **settings)
 
 
 def test_a_start_that_leaves_no_room_is_refused():
     arm = load_arm(robot_urdf('ur10'))
     with pytest.raises(InvalidInputError, match="start of 'shoulder_pan_joint' is .* can move"):
-        motion_limits(ArmDynamics(arm), LimitFractions(), arm.limits.upper)
+        motion_limits(ArmDynamics(arm), arm.limits.upper)
 
 
 # ------------------------------------------------------------------------------ the file

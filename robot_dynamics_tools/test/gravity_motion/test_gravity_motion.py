@@ -31,7 +31,8 @@ from robot_dynamics_tools.gravity_motion.plan import MotionSettings, Move
 from robot_dynamics_tools.gravity_motion.poses import PoseChoice
 from robot_dynamics_tools.gravity_motion.session import MotionRequest, record_holds
 from robot_dynamics_tools.gravity_motion.watch import ArmWatch
-from robot_dynamics_tools.recordings.reader import JointSeries, Recording
+from robot_dynamics_tools.recordings.joint_series import JointSeries
+from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.move import goal_publication
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM

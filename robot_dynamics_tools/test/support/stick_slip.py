@@ -14,7 +14,9 @@ import threading
 import numpy as np
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics_tools.recorder import Recorder, TopicSpec
-from robot_dynamics_tools.recordings.reader import JointSeries, Recording, RecordingWriter
+from robot_dynamics_tools.recordings.joint_series import JointSeries
+from robot_dynamics_tools.recordings.reader import Recording
+from robot_dynamics_tools.recordings.writer import RecordingWriter
 from ros_harness import KEEP_MANY, LONG, NodeProcess, RosClient, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 
