@@ -84,7 +84,7 @@ def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport
     if states.position is None or len(stamps) < 2 or len(arrivals) < 2 or run.start_ns == 0:
         raise RecordingError('no state of the motion was recorded, or no effort for one')
     wall_seconds = 1e-9 * (arrivals[-1] - arrivals[0])
-    times = 1e-9 * (stamps - run.start_ns)
+    times = np.asarray(1e-9 * (stamps - run.start_ns), dtype=np.float64)
     measured = states.position[during]
     reference = sample_trajectory(run.motion.trajectory, times).position
     error = reference - measured
@@ -93,7 +93,7 @@ def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport
     term_during = (term_stamps >= run.start_ns) & (term_stamps <= run.end_ns)
     return LoopReport(
         arm, times, reference, measured, error,
-        1e-9 * (term_stamps[term_during] - run.start_ns),
+        np.asarray(1e-9 * (term_stamps[term_during] - run.start_ns), dtype=np.float64),
         {name: values[term_during] for name, values in terms.items()},
         float(commanded.mean()), (len(arrivals) - 1) / wall_seconds, wall_seconds)
 

@@ -41,7 +41,7 @@ class Verb(NamedTuple):
     """Names of each argument, then its settings."""
 
 
-def _flag(text: str) -> dict[str, str]:
+def _flag(text: str) -> dict[str, Any]:
     return {'action': 'store_true', 'help': text}
 
 
