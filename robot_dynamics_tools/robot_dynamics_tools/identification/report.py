@@ -18,6 +18,7 @@ from robot_dynamics_tools.identification.page import identification_page
 from robot_dynamics_tools.identification.pipeline import Identification
 from robot_dynamics_tools.identification.steps import write_samples
 from robot_dynamics_tools.identification.written_uncertainty import uncertainty_values
+from robot_dynamics_tools.reporting.text_table import json_numbers
 
 FILES = URDF, PARAMETERS, REPORT, FIGURES = (
     'identified.urdf', 'identified.yaml', 'report.html', 'report.json')
@@ -94,10 +95,11 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
     models, gains = identification.models, identification.gains
     friction = identified_arm.fitted_friction(arm, models.consistent)
     parameters = [
-        {'name': name, 'value': float(value), 'standard_deviation': _number(deviation),
-         'relative_deviation': _number(relative)}
+        {'name': name, 'value': value, 'standard_deviation': deviation,
+         'relative_deviation': relative}
         for name, value, deviation, relative in zip(
-            estimate.names, estimate.values, estimate.deviations, estimate.relative_deviations)]
+            estimate.names, estimate.values.tolist(), json_numbers(estimate.deviations),
+            json_numbers(estimate.relative_deviations))]
     return {
         'arm': arm.name,
         'joints': list(arm.joint_names),
@@ -108,15 +110,16 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
                     'test': identification.tests['base'].samples[1]},
         'residual': {
             model: {
-                'train': _numbers(test.relative('train')), 'test': _numbers(test.relative()),
-                'test_by_sample': _numbers(test.relative('test_by_sample')),
-                'test_rms': _numbers(test.rms())}
+                'train': json_numbers(test.relative('train')),
+                'test': json_numbers(test.relative()),
+                'test_by_sample': json_numbers(test.relative('test_by_sample')),
+                'test_rms': json_numbers(test.rms())}
             for model, test in identification.tests.items()},
         'cross_validation': {
-            'relative_residual': _numbers(models.validated),
+            'relative_residual': json_numbers(models.validated),
             'pull': models.problem.regularization},
         'rank': identification.base.rank,
-        'condition_number': _number(estimate.condition),
+        'condition_number': json_numbers([estimate.condition])[0],
         'base_parameters': [
             {**entry, 'is': identification.base.expressions[i], 'urdf': float(estimate.prior[i]),
              'excited': bool(estimate.excited[i])}
@@ -136,20 +139,11 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
             for j, name in enumerate(arm.joint_names)],
         'inertial_parameters': models.consistent.parameters.reshape(-1, 10).tolist(),
         'drive_gain': None if gains is None else {
-            'gain': _numbers(gains.gain), 'deviation': _numbers(gains.deviation),
-            'deviation_by_noise': _numbers(gains.noise),
+            'gain': json_numbers(gains.gain), 'deviation': json_numbers(gains.deviation),
+            'deviation_by_noise': json_numbers(gains.noise),
             'is_known': gains.is_known.tolist(),
             'is_confounded_with_masses': gains.is_confounded.tolist()},
         'factor_to_urdf': np.exp(identification.difference).tolist(),
         'contradictions': summary.contradiction_lines(found),
         'warnings': summary.warnings(identification),
     }
-
-
-def _numbers(values: Any) -> list[float | None]:
-    return [_number(value) for value in values]
-
-
-def _number(value: Any) -> float | None:
-    """Return a number, None if it is not finite: JSON has no NaN."""
-    return float(value) if np.isfinite(value) else None

@@ -184,7 +184,7 @@ class Recording(AbstractContextManager['Recording']):
         return RecordedJointStates(
             f'topic {topic!r} of recording {str(self.path)!r}',
             np.array([time_ns for time_ns, _ in messages], dtype=np.int64),
-            decode_joint_states([data for _, data in messages]))
+            *decode_joint_states([data for _, data in messages]))
 
     def joint_series(self, topic: str, joint_names: Sequence[str] = ()) -> JointSeries:
         """

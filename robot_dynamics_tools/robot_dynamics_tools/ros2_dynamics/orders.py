@@ -5,7 +5,6 @@
 
 from argparse import Namespace
 from collections.abc import Iterable, Sequence
-import math
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -14,7 +13,7 @@ from lifecycle_msgs.srv import GetState
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware import diagnostics
 from robot_dynamics_interfaces.srv import EstimatePayload, SetPayload
-from robot_dynamics_tools.reporting.text_table import quantity_table, text_table
+from robot_dynamics_tools.reporting.text_table import json_numbers, quantity_table, text_table
 from robot_dynamics_tools.ros2_dynamics.answers import Answer, warning_lines
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from std_srvs.srv import Trigger
@@ -161,7 +160,7 @@ def answer_estimate_payload(client: DynamicsClient, arguments: Namespace) -> Ans
     data = {
         'node': monitor, 'message': response.message, 'link': response.link,
         'duration_s': response.duration, 'holds': response.holds, **lists,
-        'deviations': [value if math.isfinite(value) else None for value in response.deviations]}
+        'deviations': json_numbers(response.deviations)}
     text = f'{monitor}: {response.message}'
     if response.parameters:
         from robot_dynamics_tools.payload_estimation.summary import parameter_rows
