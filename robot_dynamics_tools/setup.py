@@ -41,11 +41,6 @@ manifest = ElementTree.parse(Path(__file__).resolve().parent / 'package.xml')
 maintainer = manifest.find('maintainer')
 
 
-def verb_class(name):
-    """Return the name of the class of a verb."""
-    return f'{name.title().replace("_", "")}Verb'
-
-
 setup(
     name=package_name,
     version='0.1.0',  # catkin_prepare_release changes it together with package.xml
@@ -92,7 +87,6 @@ setup(
             f'{package_name}.verb = {package_name}.ros2_dynamics.ros2cli:VerbExtension',
         ],
         f'{package_name}.verb': [
-            f'{name} = {package_name}.ros2_dynamics.ros2cli:{verb_class(name)}'
-            for name in VERBS],
+            f'{name} = {package_name}.ros2_dynamics.ros2cli:{name}_verb' for name in VERBS],
     },
 )

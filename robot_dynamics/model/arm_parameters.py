@@ -30,8 +30,8 @@ from robot_dynamics.joints.effort_convention import (
 from robot_dynamics.joints.friction import FRICTION_FIELDS, make_friction
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel, STANDARD_GRAVITY
 from robot_dynamics.model.effort_deviation import make_uncertainty
+from robot_dynamics.urdf.yaml_text import load_yaml
 from robot_dynamics.validation import check_vector, covariance_root, LARGEST_VALUE
-from robot_dynamics.yaml_text import load_yaml
 
 NODE = 'dynamics'
 FORMER_NAMES = {

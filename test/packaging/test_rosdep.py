@@ -18,8 +18,8 @@ KEYS = (
     'python3-pil', 'python3-pytest', 'python3-scipy', 'python3-yaml')
 """Keys of rosdep/python.yaml with a package of Ubuntu, in ros/rosdistro of 22 August 2026."""
 ROS_PACKAGES = (
-    'ament_cmake', 'ament_index_python', 'builtin_interfaces', 'coal', 'control_msgs',
-    'diagnostic_msgs', 'geometry_msgs', 'launch', 'launch_ros', 'lifecycle_msgs', 'pinocchio',
+    'ament_cmake', 'builtin_interfaces', 'coal', 'control_msgs', 'diagnostic_msgs',
+    'geometry_msgs', 'launch', 'launch_ros', 'lifecycle_msgs', 'pinocchio',
     'rcl_interfaces', 'rclpy', 'robot_state_publisher', 'ros2cli', 'ros2launch', 'rosgraph_msgs',
     'rosidl_default_generators', 'rosidl_default_runtime', 'sensor_msgs', 'std_msgs', 'std_srvs',
     'trajectory_msgs', 'visualization_msgs', 'xacro')

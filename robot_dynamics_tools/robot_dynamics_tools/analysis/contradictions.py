@@ -21,14 +21,9 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.presliding import presliding_state
+from robot_dynamics.model import pseudo_inertia
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
-from robot_dynamics.model.pseudo_inertia import (
-    COUNT,
-    parameters_of,
-    regularizing_roots,
-    relative_rows,
-)
 from robot_dynamics.model.regressor import inertial_parameters, TorqueRegressor
 from robot_dynamics_tools.analysis.motion_filter import (
     filter_like,
@@ -184,7 +179,7 @@ class _Test:
                     - body.inverse_dynamics_batch(q + step, v, a)) / (2.0 * _STEP)
                    for step in _STEP * np.eye(n)]
         loads = [column * (t[rows] > time)[:, np.newaxis] for time in self.times
-                 for column in np.moveaxis(Y[:, :, -COUNT:][:, :, :_LOAD], 2, 0)]
+                 for column in np.moveaxis(Y[:, :, -pseudo_inertia.COUNT:][:, :, :_LOAD], 2, 0)]
         efforts = [np.stack([np.interp(t[rows] + delay, t, column)
                              for column in motion.measured_effort.T], axis=1) for delay in DELAYS]
         Z = np.concatenate([own, Y, np.stack(
@@ -192,11 +187,13 @@ class _Test:
         self._products = np.einsum('mja,mjb->jab', Z, Z, optimize=True) / len(rows)
         self._own, self._p = own.shape[2], Y.shape[2]
         self.gravity, self.effort = self._p, Z.shape[2] - self._own - len(DELAYS)
-        roots = regularizing_roots(inertial_parameters(arm))
-        self._prior = np.concatenate([parameters_of(root @ root.T) for root in roots])
+        roots = pseudo_inertia.regularizing_roots(inertial_parameters(arm))
+        self._prior = np.concatenate(
+            [pseudo_inertia.parameters_of(root @ root.T) for root in roots])
         self._regularization = np.zeros((self._p, self._p))
         for i, root in enumerate(roots):
-            W, part = relative_rows(root), slice(COUNT * i, COUNT * (i + 1))
+            W = pseudo_inertia.relative_rows(root)
+            part = slice(len(W) * i, len(W) * (i + 1))
             self._regularization[part, part] = W.T @ W * (
                 _ANY_LOAD if i == len(roots) - 1 else _REGULARIZATION)
         power = self._products.diagonal(axis1=1, axis2=2)[:, -len(DELAYS):]

@@ -17,8 +17,8 @@ from robot_dynamics_tools.recordings.message_encoding import (
     dynamics_terms_messages,
     joint_state_messages,
 )
-from robot_dynamics_tools.recordings.reader import JOINT_STATE, RecordingWriter
-from robot_dynamics_tools.recordings.topics import DYNAMICS_TERMS, DYNAMICS_TERMS_TEXT
+from robot_dynamics_tools.recordings.topics import DYNAMICS_TERMS, JOINT_STATE
+from robot_dynamics_tools.recordings.writer import RecordingWriter
 
 TERMS_TOPIC, RESIDUAL_TOPIC = '/dynamics/terms', '/dynamics_monitor/residual'
 _ROWS = 1000
@@ -97,7 +97,7 @@ def write_terms(analysis: BagAnalysis, directory: Path) -> None:
     is replaced. Raises RecordingError if the directory contains anything else.
     """
     _remove_recording(directory)
-    with RecordingWriter(directory, {DYNAMICS_TERMS: DYNAMICS_TERMS_TEXT}) as writer:
+    with RecordingWriter(directory) as writer:
         stamps = analysis.motion.stamps_ns.tolist()
         for topic, kind, messages in _messages(analysis):
             writer.add_topic(topic, kind)

@@ -12,7 +12,6 @@ import time
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from geometry_msgs.msg import InertiaStamped
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
@@ -30,12 +29,12 @@ from robot_dynamics_tools.gravity_motion.plan import (
 )
 from robot_dynamics_tools.gravity_motion.poses import chosen_poses, PoseChoice
 from robot_dynamics_tools.gravity_motion.preview import preview
-from robot_dynamics_tools.gravity_motion.watch import ArmWatch, Publish, RecordingClient
+from robot_dynamics_tools.gravity_motion.watch import ArmWatch, Publish
 from robot_dynamics_tools.recorder import Recorder, write_description
 from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm, uninterrupted
 from robot_dynamics_tools.recordings.writer import RecordingWriter
 from robot_dynamics_tools.reporting.progress import Progress
-from robot_dynamics_tools.ros2_dynamics.client import RefusedError
+from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, RefusedError
 from robot_dynamics_tools.ros2_dynamics.move import goal_publication
 from robot_dynamics_tools.ros2_dynamics.record import topic_specs
 from std_srvs.srv import Trigger
@@ -94,11 +93,11 @@ def record_holds(request: MotionRequest) -> str | None:
     if not (request.previews or request.is_confirmed or sys.stdin.isatty()):
         raise InvalidInputError(
             'standard input is no terminal, expected one for the confirmation, or --yes')
-    with interrupted_by_sigterm(), RecordingClient(request.node, request.timeout) as client:
+    with interrupted_by_sigterm(), DynamicsClient(request.node, request.timeout) as client:
         return _record_holds(client, request)
 
 
-def _record_holds(client: RecordingClient, request: MotionRequest) -> str | None:
+def _record_holds(client: DynamicsClient, request: MotionRequest) -> str | None:
     urdf = request.urdf if request.urdf is not None else client.description()
     arm = arm_from_parameters(urdf, request.parameters)
     _check_node(client, arm, request.parameters.get('measured_effort', 'joint_torque'))
@@ -126,7 +125,7 @@ class CalibrationMotion:
     """The passes of a calibration; every end leaves an arm that holds, and is reported."""
 
     def __init__(
-        self, client: RecordingClient, watch: ArmWatch, urdf: str, weight: Payload | None,
+        self, client: DynamicsClient, watch: ArmWatch, urdf: str, weight: Payload | None,
     ) -> None:
         """Take the client and the watch of a node; `urdf` is recorded."""
         self._client, self._watch, self._urdf, self._weight = client, watch, urdf, weight
@@ -278,7 +277,7 @@ class CalibrationMotion:
 
 # ------------------------------------------------------------------------------ before the motion
 
-def _check_node(client: RecordingClient, arm: ArmModel, measured_effort: str) -> None:
+def _check_node(client: DynamicsClient, arm: ArmModel, measured_effort: str) -> None:
     """Raise InvalidInputError unless the node moves this arm, and measures what is expected."""
     found = client.parameters([*NEEDED, 'measured_effort', 'gravity'])
     for name, wanted in NEEDED.items():
@@ -300,12 +299,9 @@ def _check_node(client: RecordingClient, arm: ArmModel, measured_effort: str) ->
                 f'{client.name}: use the parameter file of the node')
 
 
-def _payloads(client: RecordingClient, arm: ArmModel) -> list[Payload]:
+def _payloads(client: DynamicsClient, arm: ArmModel) -> list[Payload]:
     """Return the payloads that the node compensates."""
-    messages = client.receive_latched(InertiaStamped, client.resolve('~/payload'))
-    newest = messages[-1].header.stamp if messages else None
-    found = [payload_from_ros(arm, message) for message in messages
-             if message.header.stamp == newest and message.inertia.m > 0.0]
+    found = [payload_from_ros(arm, message) for message in client.payloads()]
     return [payload for payload in found if payload is not None]
 
 

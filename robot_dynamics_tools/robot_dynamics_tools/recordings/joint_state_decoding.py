@@ -34,28 +34,21 @@ class JointStateBlock(NamedTuple):
     effort: FloatArray | None
 
 
-class DecodedJointStates(NamedTuple):
-    """The messages in blocks, and the indices (k,) of messages that cannot be read."""
-
-    blocks: tuple[JointStateBlock, ...]
-    unreadable: IntArray
-
-
-def decode_joint_states(messages: Sequence[bytes]) -> DecodedJointStates:
+def decode_joint_states(messages: Sequence[bytes]) -> tuple[tuple[JointStateBlock, ...], int]:
     """
-    Return the contents of serialized messages of sensor_msgs/msg/JointState.
+    Return the serialized messages of sensor_msgs/msg/JointState, and how many cannot be read.
 
-    Messages that cannot be read are counted. Raises MissingDependencyError without `rosbags`.
+    Raises MissingDependencyError without `rosbags`.
     """
     decode = common_types().deserialize_cdr
     serde_error = optional('rosbags.serde', 'a recording').SerdeError
     groups: dict[tuple[tuple[str, ...], tuple[bool, ...]], list[tuple[int, int, list[Any]]]] = {}
-    unreadable = []
+    unreadable = 0
     for row, data in enumerate(messages):
         try:
             message = decode(data, JOINT_STATE)
         except serde_error:
-            unreadable.append(row)
+            unreadable += 1
             continue
         names = tuple(message.name)
         values = [message.position, message.velocity, message.effort]
@@ -63,9 +56,7 @@ def decode_joint_states(messages: Sequence[bytes]) -> DecodedJointStates:
         stamp = message.header.stamp
         stamp_ns = stamp.sec * NANOSECONDS_PER_SECOND + stamp.nanosec
         groups.setdefault((names, is_whole), []).append((row, stamp_ns, values))
-    return DecodedJointStates(
-        tuple(_block(*layout, group) for layout, group in groups.items()),
-        np.array(unreadable, dtype=np.intp))
+    return tuple(_block(*layout, group) for layout, group in groups.items()), unreadable
 
 
 def _block(

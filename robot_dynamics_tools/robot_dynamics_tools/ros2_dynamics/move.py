@@ -16,6 +16,7 @@ from geometry_msgs.msg import PoseStamped
 import numpy as np
 import pinocchio as pin
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
+from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, trajectory_to_ros
 from robot_dynamics.tools.command_line import INTERRUPTED, ToolError
@@ -224,7 +225,7 @@ class MotionWatch:
     def error(self, goal: Sequence[float], position: Sequence[float]) -> 'np.ndarray[Any, Any]':
         """Return goal minus position (n,); of continuous joints the shortest angle."""
         error = np.subtract(goal, position)
-        return np.where(self._turns, np.remainder(error + np.pi, 2 * np.pi) - np.pi, error)
+        return np.where(self._turns, wrap_to_pi(error), error)
 
     def measured(self) -> list[float]:
         """Return the measured positions in the order of the node."""

@@ -51,10 +51,10 @@ def serialized(state, little_endian=True):
 @settings(deadline=None, derandomize=True, max_examples=50)
 @given(st.lists(states(), max_size=6), st.booleans())
 def test_what_was_serialized_is_read(messages, little_endian):
-    decoded = decode_joint_states([serialized(m, little_endian) for m in messages])
-    assert len(decoded.unreadable) == 0
+    blocks, unreadable = decode_joint_states([serialized(m, little_endian) for m in messages])
+    assert unreadable == 0
     seen = 0
-    for block in decoded.blocks:
+    for block in blocks:
         for i, row in enumerate(block.rows.tolist()):
             sec, nanosec, _, names, arrays = messages[row]
             assert block.stamps_ns[i] == 10**9 * sec + nanosec
@@ -74,9 +74,9 @@ def test_one_layout_is_one_block_and_order_is_kept():
     messages = joint_state_messages(stamps, 'abc', values, None, -values)
     others = joint_state_messages(stamps, 'xy', values[:, :2])
     mixed = [message for pair in zip(messages, others) for message in pair]
-    decoded = decode_joint_states(mixed)
-    assert [len(block.rows) for block in decoded.blocks] == [1000, 1000]
-    arm = next(block for block in decoded.blocks if len(block.joint_names) == 3)
+    blocks, _ = decode_joint_states(mixed)
+    assert [len(block.rows) for block in blocks] == [1000, 1000]
+    arm = next(block for block in blocks if len(block.joint_names) == 3)
     np.testing.assert_array_equal(arm.rows, np.arange(0, 2000, 2))
     np.testing.assert_array_equal(arm.position, values)
     np.testing.assert_array_equal(arm.effort, -values)
@@ -100,9 +100,9 @@ def test_bytes_of_any_kind_are_counted_or_read(state, data):
     at = data.draw(st.integers(0, len(whole)))
     noise = data.draw(st.binary(max_size=12))
     damaged = [whole[:at], whole[:at] + noise + whole[at + len(noise):], noise, b'']
-    decoded = decode_joint_states(damaged)
-    read = sum(len(block.rows) for block in decoded.blocks)
-    assert read + len(decoded.unreadable) == len(damaged)
+    blocks, unreadable = decode_joint_states(damaged)
+    read = sum(len(block.rows) for block in blocks)
+    assert read + unreadable == len(damaged)
 
 
 def test_padding_may_be_anything():
@@ -111,8 +111,8 @@ def test_padding_may_be_anything():
     padding = message.index(b'ab\0') + 3
     assert message[padding] == 0
     other[padding] = 77
-    decoded = decode_joint_states([bytes(message), bytes(other)])
-    assert [len(block.rows) for block in decoded.blocks] == [2]
+    blocks, _ = decode_joint_states([bytes(message), bytes(other)])
+    assert [len(block.rows) for block in blocks] == [2]
 
 
 # --- selection of samples ------------------------------------------------------------------------
@@ -120,7 +120,7 @@ def test_padding_may_be_anything():
 def series_of(stamps):
     stamps = np.array(stamps, dtype=np.int64)
     messages = joint_state_messages(stamps, 'a', np.arange(len(stamps), dtype=float)[:, None])
-    return RecordedJointStates('a test', stamps, decode_joint_states(messages)).series()
+    return RecordedJointStates('a test', stamps, *decode_joint_states(messages)).series()
 
 
 @settings(deadline=None, derandomize=True, max_examples=50)
@@ -160,7 +160,7 @@ def test_names_are_chosen_renamed_and_refused():
     decoded = decode_joint_states([
         *joint_state_messages(stamps, ('g',), values[:, :1]),
         *joint_state_messages(stamps + 3, ('p1', 'p2'), values)])
-    states_ = RecordedJointStates('a test', np.arange(6), decoded)
+    states_ = RecordedJointStates('a test', np.arange(6), *decoded)
     assert states_.joint_names == ('g', 'p1', 'p2')
     assert states_.together(('p2', 'g', 'p1')) == ('p2', 'p1')
     series = states_.renamed({'p1': 'j1'}).series(('p2', 'j1'))

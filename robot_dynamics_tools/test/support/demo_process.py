@@ -20,7 +20,7 @@ def start_demo(directory, *arguments, shares_domain=False):
         name: value for name, value in os.environ.items()
         if name != 'ROS_DOMAIN_ID' or shares_domain}
     return children.popen(
-        [sys.executable, '-m', 'robot_dynamics_tools.demo', *map(str, arguments)],
+        [sys.executable, '-m', 'robot_dynamics_tools', 'demo', *map(str, arguments)],
         cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE, text=True)
 

@@ -12,7 +12,7 @@ from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_tools.recordings.message_encoding import joint_state_messages
-from robot_dynamics_tools.recordings.reader import JOINT_STATE
+from robot_dynamics_tools.recordings.topics import JOINT_STATE
 
 RATE = 100.0
 START_NS = 1_700_000_000_000_000_000

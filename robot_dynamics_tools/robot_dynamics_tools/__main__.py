@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Run the executable `dynamics`."""
+"""Run a verb of `ros2 dynamics`: `python -m robot_dynamics_tools VERB …`."""
 
 import sys
 

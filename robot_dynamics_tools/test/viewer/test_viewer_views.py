@@ -5,8 +5,7 @@
 
 import numpy as np
 import pytest
-from robot_dynamics_tools.viewer.framing import framed
-from robot_dynamics_tools.viewer.labels import spread, View
+from robot_dynamics_tools.viewer.views import framed, spread, View
 
 VIEW = View(
     position=np.array([0.0, -4.0, 0.0]),
