@@ -117,7 +117,8 @@ def _record_holds(client: DynamicsClient, request: MotionRequest) -> str | None:
     print(preview(plan, client.name, request.weight, request.outputs), flush=True)
     if request.previews:
         return None
-    _confirm(request.is_confirmed)
+    if not request.is_confirmed:
+        _confirm()
     CalibrationMotion(client, watch, urdf, request.weight).run(plan, request.outputs)
     return client.joint_state_topic()
 
@@ -313,9 +314,7 @@ def _check_weight(payloads: Sequence[Payload], weight: Payload | None) -> None:
               'as parts of the tool.')
 
 
-def _confirm(is_confirmed: bool) -> None:
-    if is_confirmed:
-        return
+def _confirm() -> None:
     print('Type yes and press Enter to move the arm: ', end='', flush=True)
     if sys.stdin.readline().strip().lower() != 'yes':
         raise ToolError('not confirmed; the arm has not moved')
