@@ -15,7 +15,6 @@ drives the motion and negative rotors are left out, so that they cannot explain 
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -64,13 +63,6 @@ _ROTOR, _SLIDING = 0, 2  # own columns of a joint: rotor, offset, then friction
 _MOST_CAUSES = 8
 
 
-class Contradictions(NamedTuple):
-    """The delay of the effort [s], 0 if it is none, and the likely causes, in sentences."""
-
-    delay: float = 0.0
-    causes: tuple[str, ...] = ()
-
-
 @dataclass(frozen=True)
 class _Hypothesis:
     """Further columns, delay [s] and unit of the effort, and joints of wrong sign."""
@@ -90,9 +82,9 @@ class _Hypothesis:
             self.unit * other.unit)
 
 
-def find_contradictions(arm: ArmModel, motion: FilteredMotion) -> Contradictions:
+def find_contradictions(arm: ArmModel, motion: FilteredMotion) -> tuple[float, tuple[str, ...]]:
     """
-    Return the delay of the effort, and the likely causes of a contradiction.
+    Return the delay [s] of the effort, 0 for none, and the likely causes of a contradiction.
 
     `motion` has the effort at the joints of `arm`, in its order. Raises RecordingError if it is in
     degrees.
@@ -108,7 +100,7 @@ def find_contradictions(arm: ArmModel, motion: FilteredMotion) -> Contradictions
         if cost - least < test.freedom * gain:
             break
         accepted, cost, least_gain = best, least, gain
-    return Contradictions(test.refined_delay(accepted), tuple(test.causes(accepted)))
+    return test.refined_delay(accepted), tuple(test.causes(accepted))
 
 
 def _check_degrees(arm: ArmModel, motion: FilteredMotion, cost: float) -> None:

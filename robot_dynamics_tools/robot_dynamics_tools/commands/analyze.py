@@ -108,12 +108,9 @@ def _run_with_progress(
 
 
 def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
-    if arguments.output is None:
-        return ()
-    left_out = set() if arguments.parquet else {tasks.PARQUET}
-    if arguments.no_report:
-        left_out |= {tasks.REPORT}
-    return tuple(name for name in tasks.OUTPUTS if name not in left_out)
+    is_left_out = {tasks.PARQUET: not arguments.parquet, tasks.REPORT: arguments.no_report}
+    return tuple(name for name in tasks.OUTPUTS
+                 if arguments.output is not None and not is_left_out.get(name, False))
 
 
 def print_one(result: tasks.AnalysisResult, is_resumed: bool) -> None:

@@ -97,7 +97,9 @@ def _run(arguments: argparse.Namespace) -> int:
     if series is not None:
         motion = _recorded_motion(arm, series, arguments, duration, rate / speed)
     else:
-        motion = _simulated_motion(arm, duration, rate / speed)
+        print(f'Simulating {duration:g} s of {arm.name} ...', flush=True)
+        with Progress(duration, 's') as progress:
+            motion = arm_motion.simulate_motion(arm, duration, rate / speed, progress.update)
     title = 'Double pendulum' if not recorded and arguments.urdf is None else motion.arm.name
     print(f'Drawing {len(motion.times)} instants of {arm.name} ...', flush=True)
     frames = chain_frames(motion, stops, speed, title)
@@ -111,12 +113,6 @@ def _counted(frames: Iterable[Frame], progress: Progress) -> Iterator[Frame]:
     for frame in frames:
         progress.advance()
         yield frame
-
-
-def _simulated_motion(arm: ArmModel, duration: float, rate: float) -> arm_motion.ArmMotion:
-    print(f'Simulating {duration:g} s of {arm.name} ...', flush=True)
-    with Progress(duration, 's') as progress:
-        return arm_motion.simulate_motion(arm, duration, rate, progress.update)
 
 
 def _read_recording(arguments: argparse.Namespace) -> tuple[ArmModel, JointSeries]:

@@ -37,7 +37,7 @@ from robot_dynamics_tools.gravity_motion.poses import PoseChoice
 from robot_dynamics_tools.recordings.bag_files import find_recordings
 from robot_dynamics_tools.reporting.text_table import quantity_table, text_table
 
-OUTPUT = Path('calibrated.yaml')
+OUTPUT, REPORT = Path('calibrated.yaml'), '.html'
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -163,12 +163,8 @@ def _move(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
 
 def prepare_outputs(arguments: argparse.Namespace) -> None:
     """Make the directory of the output files; raise InvalidInputError if a file exists."""
-    for path in (arguments.output, _report_path(arguments)):
+    for path in (arguments.output, arguments.output.with_suffix(REPORT)):
         command_line.prepare_file(path, arguments.force)
-
-
-def _report_path(arguments: argparse.Namespace) -> Path:
-    return Path(arguments.output.with_suffix('.html'))
 
 
 def loads(arguments: argparse.Namespace) -> tuple[Payload | None, Tool | None]:
@@ -207,7 +203,7 @@ def finish(
     found = calibrate_recordings(
         bags, options.read_settings(arguments), weighted_bags, weight, tool)
     origin = command_line.origin_of('calibrate_gravity', argv, arguments.urdf, '')
-    written = [_report_path(arguments)]
+    written = [arguments.output.with_suffix(REPORT)]
     command_line.write_file(written[0], report.calibration_page(found, origin))
     is_good = report.is_accepted(found.calibration)
     if is_good:

@@ -75,14 +75,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
 
-def _interrupt(*_: object) -> None:
-    raise KeyboardInterrupt
-
-
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     # A signal that ends the demo also ends its nodes; the recording is kept.
     for signal_number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(signal_number, _interrupt)
+        signal.signal(signal_number, signal.default_int_handler)
     if arguments.topic is not None and arguments.replay is None:
         raise InvalidInputError(
             '--topic is given without --replay; it is a topic of the recording')

@@ -101,7 +101,8 @@ def _record_holds(client: DynamicsClient, request: MotionRequest) -> str | None:
     urdf = request.urdf if request.urdf is not None else client.description()
     arm = arm_from_parameters(urdf, request.parameters)
     _check_node(client, arm, request.parameters.get('measured_effort', 'joint_torque'))
-    payloads = _payloads(client, arm)
+    found = (payload_from_ros(arm, message) for message in client.payloads())
+    payloads = [payload for payload in found if payload is not None]
     _check_weight(payloads, request.weight)
     arm = arm.with_payloads(payloads)
     watch = ArmWatch(client, arm)
@@ -116,7 +117,8 @@ def _record_holds(client: DynamicsClient, request: MotionRequest) -> str | None:
     print(preview(plan, client.name, request.weight, request.outputs), flush=True)
     if request.previews:
         return None
-    _confirm(request.is_confirmed)
+    if not request.is_confirmed:
+        _confirm()
     CalibrationMotion(client, watch, urdf, request.weight).run(plan, request.outputs)
     return client.joint_state_topic()
 
@@ -235,9 +237,10 @@ class CalibrationMotion:
         self._weight_note = (
             'The compensation of the weight is not set. If the weight is attached, the arm holds '
             'it by feedback only:\nremove the weight')
+        centre = ', '.join(f'{value:g}' for value in weight.com)
         _wait_for_enter(
             f'The arm holds its position. Attach {weight.mass:g} kg to {weight.link}, with its '
-            f'centre of mass at {_vector(weight)} m in the frame of this link.\nThe arm may sag '
+            f'centre of mass at ({centre}) m in the frame of this link.\nThe arm may sag '
             'a little. Leave the reach of the arm, then press Enter: the node compensates the '
             f'weight within {TRANSITION:g} s, and the arm moves through the poses again. ')
         note, self._weight_note = self._weight_note, self._attached_note(weight)
@@ -299,12 +302,6 @@ def _check_node(client: DynamicsClient, arm: ArmModel, measured_effort: str) -> 
                 f'{client.name}: use the parameter file of the node')
 
 
-def _payloads(client: DynamicsClient, arm: ArmModel) -> list[Payload]:
-    """Return the payloads that the node compensates."""
-    found = [payload_from_ros(arm, message) for message in client.payloads()]
-    return [payload for payload in found if payload is not None]
-
-
 def _check_weight(payloads: Sequence[Payload], weight: Payload | None) -> None:
     for payload in payloads:
         if weight is not None and payload.link == weight.link:
@@ -317,9 +314,7 @@ def _check_weight(payloads: Sequence[Payload], weight: Payload | None) -> None:
               'as parts of the tool.')
 
 
-def _confirm(is_confirmed: bool) -> None:
-    if is_confirmed:
-        return
+def _confirm() -> None:
     print('Type yes and press Enter to move the arm: ', end='', flush=True)
     if sys.stdin.readline().strip().lower() != 'yes':
         raise ToolError('not confirmed; the arm has not moved')
@@ -330,7 +325,3 @@ def _wait_for_enter(text: str) -> None:
     if not sys.stdin.readline():
         raise ToolError('standard input ended before the confirmation')
     print(flush=True)
-
-
-def _vector(weight: Payload) -> str:
-    return f'({", ".join(f"{value:g}" for value in weight.com)})'

@@ -178,7 +178,7 @@ def identify_recordings(
     odd = contradicting_recordings(parts, models.problem)
     on_stage(STAGES[4])
     evaluated = recordings.evaluate(steps.Evaluation(
-        models.by_name, 'consistent', scale, keeps_samples))
+        models.by_name, scale, keeps_samples))
     for i, text in odd.items():
         facts = evaluated[i].facts
         evaluated[i] = replace(evaluated[i], facts=replace(

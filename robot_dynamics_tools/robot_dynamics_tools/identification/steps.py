@@ -160,13 +160,12 @@ class Reduction:
 @dataclass(frozen=True, eq=False)
 class Evaluation:
     """
-    Models by name to test on a recording; the effort of the model `shown` is plotted.
+    Models by name to test on a recording; the effort of the consistent one is plotted.
 
     With `keeps_samples`, the samples of the test part are returned with the effort of this model.
     """
 
     models: Mapping[str, Fit]
-    shown: str
     drive_gain: FloatArray | None = None
     keeps_samples: bool = False
 
@@ -233,7 +232,7 @@ def evaluate_recording(recording: FilteredArmMotion, step: Evaluation) -> Evalua
     motion, train_fraction = recording.with_gain(step.drive_gain), recording.train_fraction
     effort, first = motion.measured_effort, train_count(motion, train_fraction)
     every = max(1, int(np.ceil(len(effort) / SHOWN)))
-    model, single = model_effort(recording.arm, motion, step.models[step.shown])
+    model, single = model_effort(recording.arm, motion, step.models['consistent'])
     efforts = {'measured': effort, 'model': model, 'residual': effort - model}
     samples = {name: column[first:] for name, column in motion_columns(
         recording.arm, motion, efforts).items()}

@@ -11,7 +11,7 @@ from robot_dynamics.arrays import BoolArray, FloatArray, IntArray, NANOSECONDS_P
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.angle_wrapping import unwrapped
 from robot_dynamics.validation import LARGEST_VALUE
-from robot_dynamics_tools.recordings.joint_state_decoding import FIELDS, JointStateBlock
+from robot_dynamics_tools.recordings.messages import FIELDS, JointStateBlock
 from robot_dynamics_tools.recordings.sample_faults import (
     advancing_and_repeated,
     gaps_between,

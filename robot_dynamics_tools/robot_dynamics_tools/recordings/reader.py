@@ -21,7 +21,7 @@ from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics_tools.recordings.bag_files import METADATA, recording_files
 from robot_dynamics_tools.recordings.joint_series import JointSeries, RecordedJointStates
-from robot_dynamics_tools.recordings.joint_state_decoding import decode_joint_states
+from robot_dynamics_tools.recordings.messages import decode_joint_states
 from robot_dynamics_tools.recordings.storage import StoredFile
 from robot_dynamics_tools.recordings.topics import (
     common_types,

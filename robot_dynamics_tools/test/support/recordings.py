@@ -11,7 +11,7 @@ import pytest
 from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics_tools.recordings.message_encoding import joint_state_messages
+from robot_dynamics_tools.recordings.messages import joint_state_messages
 from robot_dynamics_tools.recordings.topics import JOINT_STATE
 
 RATE = 100.0

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics_tools.recordings.joint_series import RecordedJointStates
-from robot_dynamics_tools.recordings.joint_state_decoding import decode_joint_states
-from robot_dynamics_tools.recordings.message_encoding import joint_state_messages
+from robot_dynamics_tools.recordings.messages import decode_joint_states, joint_state_messages
 from robot_dynamics_tools.recordings.topics import DYNAMICS_TERMS_TEXT
 
 # A warning of numpy indicates a number that the code did not check.
