@@ -9,6 +9,7 @@ The driver reports a motion of both joints that does not depend on the commands.
 """
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 from fault_bench import FaultBench, figure_of, nanoseconds_of, Q
 from fault_stimuli import follow, Swing, wait_states
@@ -62,8 +63,11 @@ def test_velocities_that_contradict_the_positions(bench):
         wait_states(bench, 300)
         torques.clear()
         messages = torques.wait_count(200)
-    for message in messages:
-        q, v = moving.at(nanoseconds_of(message.header.stamp))
+    for before, message in pairwise(messages):
+        # The velocity of the positions is that of the middle of 8 ms, or of one period.
+        stamp = nanoseconds_of(message.header.stamp)
+        span = max(stamp - nanoseconds_of(before.header.stamp), 8_000_000)
+        (q, _), (_, v) = moving.at(stamp), moving.at(stamp - span // 2)
         torque = default_dynamics().inverse_dynamics(q, v, 25.0 * (Q - q) - 10.0 * v)
         # the wrong velocities change it by up to 84 N·m
         assert list(message.effort) == pytest.approx(torque.tolist(), abs=5.0)
