@@ -13,7 +13,7 @@ from fault_bench import nanoseconds_of, stamp_of
 import numpy as np
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
-from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.ros.middleware.conversions import trajectory_to_ros
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.quintics import quintic_via_points

@@ -15,7 +15,8 @@ import pytest
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.references.follower import ActiveTrajectory, TrajectoryFollower
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
+from robot_dynamics.references.reference_generator import ReferenceGenerator
 from robot_dynamics.trajectories.goal_limits import check_points
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
@@ -114,7 +115,7 @@ def test_the_documented_words_are_the_words():
             trajectory(**{**GOOD, **change})
         spoken.add(str(refusal.value))
     with pytest.raises(TrajectoryError) as refusal:
-        TrajectoryFollower(JOINTS).start(
+        ReferenceGenerator(JOINTS).start(
             trajectory(), 10 * SECOND, (0.0, 0.0), (0.0, 0.0), stamp_ns=7 * SECOND)
     spoken.add(str(refusal.value))
     urdf = default_arm_urdf().replace('joint1', 'shoulder').replace('joint2', 'elbow').replace(

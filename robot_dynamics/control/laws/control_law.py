@@ -20,7 +20,7 @@ from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
-from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 
 ENTRY_POINTS = 'robot_dynamics.control_laws'

@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray, wrap_angle, wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Segment
 from robot_dynamics.validation import check_per_joint, is_empty, LARGEST_VALUE
 

@@ -25,7 +25,7 @@ from robot_dynamics.control.laws.friction_compensation import FrictionCompensati
 from robot_dynamics.control.laws.rate_limited_feedback import CHANGE_FRACTION, feedback_shares
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
-from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
 
 LARGEST_FREQUENCY = 30.0
 """[rad/s] of the fastest mode, which a loop controls whose effort acts 8 ms late."""

@@ -14,7 +14,7 @@ import pinocchio as pin
 import pytest
 from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.references.follower import TrajectoryFollower
+from robot_dynamics.references.reference_generator import ReferenceGenerator
 from robot_dynamics.ros.middleware.conversions import payload_from_ros, trajectory_from_ros
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from robots import must_have_everything
@@ -79,7 +79,7 @@ def test_a_reference_arrives_at_rest_and_stays():
     assert second - first == 3600  # [s] that it holds the goal
     trajectory = trajectory_from_ros(message, arm.joint_names)
     assert not trajectory.is_set_point
-    follower = TrajectoryFollower(arm.joint_names)
+    follower = ReferenceGenerator(arm.joint_names)
     follower.start(trajectory, 7 * SECOND, q, np.zeros(arm.joint_count))
     for later in (0.0, 1.0, 1800.0, 7200.0):
         reference = follower.sample(7 * SECOND + round((seconds + later) * SECOND))
