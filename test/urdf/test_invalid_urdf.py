@@ -103,8 +103,10 @@ def test_message_on_an_element_of_a_joint(element, words):
     (f'<mass value="1 kg"/>{INERTIA}', "value='1 kg', expected a number"),
     (INERTIA, 'mass is nan, expected a number >= 0'),
     (f'<mass value="-2"/>{INERTIA}', 'mass is -2, expected a number >= 0'),
+    (f'<mass value="inf"/>{INERTIA}', 'mass is inf, expected a number >= 0'),
     (MASS + INERTIA.replace(' iyz="0"', ''), 'iyz is nan, expected a number'),
     (MASS + INERTIA.replace('izz="1"', 'izz="inf"'), 'izz is inf, expected a number'),
+    (MASS + INERTIA.replace('ixx="1"', 'ixx="nan"'), "ixx='nan', expected a number"),
     (f'<origin xyz="0 0"/><mass value="1"/>{INERTIA}',
      "origin: xyz='0 0', expected three numbers"),
 ])
