@@ -1,28 +1,21 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Contact levels: the promised rate of false alarms, and the delay of the detection."""
+"""Contact levels: the promised rate of false alarms."""
 
 from collections.abc import Sequence
-import math
 from typing import NamedTuple
 
-from hypothesis import given, settings
-from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.joints.presliding import presliding_state
-from robot_dynamics.model import ArmDynamics, ArmModel, RigidBody
-from robot_dynamics.monitoring.contact_levels import (
-    ContactDetector,
-    ContactLevels,
-    learn_contact_levels,
-)
-from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robots import arm_without_gripper
+from robot_dynamics.model import ArmModel, RigidBody
+from robot_dynamics.monitoring.contact_levels import ContactLevels
+from robot_dynamics_tools.analysis.contact_learning import learn_contact_levels
+from robot_dynamics_tools.monitoring.contact_detector import ContactDetector
 from scipy import stats
 from scipy.signal import lfilter
 from wrong_arms import model_arm, true_arm
@@ -101,7 +94,6 @@ def alarms(levels: ContactLevels, v: FloatArray, r: FloatArray) -> int:
 
 
 ARMS = 'default', 'ur10', 'panda'
-EXACT_ARMS = {name: arm_without_gripper(name) for name in ARMS}
 UNSEEN_ARMS = 'panda', 'kinova', 'ur3', 'ur5', 'talos_left_arm', 'so100'
 """Arms by which the law of the levels was not chosen."""
 TEN_MINUTES, HOUR = 600.0, 3600.0
@@ -205,68 +197,6 @@ def test_the_count_of_the_test_is_that_of_the_detector():
     assert all(abs(contact.effort) > contact.level > 2.0 for contact in contacts)
     for cause in ('payload', 'limit stop', 'stiction'):
         assert cause in str(contacts[0])
-
-
-def test_a_contact_ends_after_half_a_second_below_its_level():
-    detector = ContactDetector(ContactLevels(np.ones(1), np.zeros(1)), ('a',))
-    contacts = [detector.update(0.01, np.zeros(1), np.array([2.0 * (k in (5, 54, 103, 154))]))
-                for k in range(160)]
-    assert [k for k, contact in enumerate(contacts) if contact] == [5, 154]
-
-
-# ------------------------------------------------------------------------------ the delay
-
-def detection_delay(level: float, effort: float, bandwidth: float) -> float:
-    """Return the delay [s] until a constant effort is found: −ln(1 − θ / τ) / (2π bandwidth)."""
-    ratio = level / abs(effort)
-    return -math.log1p(-ratio) / (2.0 * math.pi * bandwidth) if ratio < 1.0 else math.inf
-
-
-@settings(max_examples=25)
-@given(st.sampled_from(ARMS), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.0, 0.1, 0.5]),
-       st.booleans(), st.floats(50.0, 1000.0), st.floats(1.0, 50.0), st.floats(1.02, 50.0))
-def test_a_constant_effort_is_found_within_the_delay(
-    name, seed, noise, moves, rate, bandwidth, ratio,
-):
-    """
-    For any motion and noise, with the largest error e against the effort: θ + e instead of θ.
-
-    An exact model at rest without noise has no error, and the delay is that of the formula.
-    """
-    model, rng, dt = EXACT_ARMS[name], np.random.default_rng(seed), 1.0 / rate
-    n, dynamics = model.joint_count, ArmDynamics(model)
-    q0, amplitude, omega = rng.normal(size=(3, n))
-    j, theta = int(rng.integers(n)), float(rng.uniform(0.1, 20.0))
-    tau = np.zeros(n)
-    tau[j] = rng.choice([-1.0, 1.0]) * ratio * theta
-    a, b = np.zeros((2, n))
-    a[j] = theta
-    detector = ContactDetector(ContactLevels(a, b), model.joint_names)
-    observers = ExternalEffort(dynamics, bandwidth), ExternalEffort(dynamics, bandwidth)
-    worst = 0.0
-    for k in range(-20, 10_000):
-        phase = omega * k * dt
-        q = q0 + moves * amplitude * np.sin(phase)
-        v = moves * amplitude * omega * np.cos(phase)
-        measured = dynamics.inverse_dynamics(
-            q, v, -moves * amplitude * omega**2 * np.sin(phase))
-        measured += noise * theta * rng.normal(size=n)
-        free, r = (observer.update(dt, q, v, measured - (k > 0) * effort)
-                   for observer, effort in zip(observers, (np.zeros(n), tau)))
-        if k <= 0:
-            continue
-        worst = max(worst, -np.sign(tau[j]) * free[j])
-        if detector.update(dt, v, r) is not None:
-            break
-        if worst > abs(tau[j]) - theta:
-            return  # the error hides the effort
-    else:
-        raise AssertionError('not found')
-    delay = detection_delay(theta + worst, tau[j], bandwidth)
-    assert k * dt <= delay + dt + 1e-9
-    if not moves and not noise:
-        assert worst < 1e-9
-        assert k * dt >= delay - 1e-9
 
 
 # ------------------------------------------------------------------------------ files, bad input
