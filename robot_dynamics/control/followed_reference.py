@@ -165,8 +165,3 @@ class FollowedReference:
         self._limit_braking(q, v, True)
         self._follower.stop(stamp_ns, q, v)
         self.active = self._follower.active
-
-    def shift_time(self, shift_ns: int) -> None:
-        """Continue as before if the stamps of states continue lower by `shift_ns`."""
-        self._follower.shift_time(shift_ns)
-        self.active = self._follower.active

@@ -84,12 +84,6 @@ class ActiveTrajectory:
         self._segment: Segment | None = None
         self.is_from_measurement = is_from_measurement
 
-    def earlier(self, shift_ns: int) -> 'ActiveTrajectory':
-        """Return the same trajectory with all times lower by `shift_ns`."""
-        return ActiveTrajectory(
-            self.trajectory, self.start_ns - shift_ns, self._arrival_ns - shift_ns,
-            self._state_before, self._plan, self.is_from_measurement)
-
     def sample(self, now_ns: int) -> Reference:
         """
         Return the reference at `now_ns`; calls may share its arrays, which must not be modified.
@@ -225,11 +219,6 @@ class TrajectoryFollower:
     def clear(self) -> None:
         """Discard the trajectory; the next one starts from the measured state."""
         self.active = None
-
-    def shift_time(self, shift_ns: int) -> None:
-        """Lower the times of the active trajectory by `shift_ns`, as for a shifted clock."""
-        if self.active is not None:
-            self.active = self.active.earlier(shift_ns)
 
     def _state_at(
         self, now_ns: int, position: npt.ArrayLike, velocity: npt.ArrayLike,

@@ -86,11 +86,6 @@ class ReferenceGenerator(TrajectoryFollower):
         super().clear()
         self._set_point = None
 
-    def shift_time(self, shift_ns: int) -> None:
-        """Lower the times of the active trajectory by `shift_ns`, as for a shifted clock."""
-        super().shift_time(shift_ns)
-        self._set_point = None
-
     def stop(self, now_ns: int, position: FloatArray, velocity: FloatArray) -> None:
         """
         Stop each joint as early as the limits permit, then hold the position.
