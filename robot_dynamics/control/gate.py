@@ -21,12 +21,13 @@ wrong judgement costs only bandwidth:
   times the displacement (resolution of encoders, scale of the velocity), the velocity is not used
   until it has agreed in motion for AGREEMENT.
 
-A joint does not stop between two samples. If its position repeats bit by bit although velocity
-and last step were above MOVING, its sample is missing: its position is continued with its last
-velocity until it changes. After LOST the joint has no signal: the fault brakes it, and its
-velocity is assumed to decay with DECAY. A slower joint may stand; it has no signal if its
-reference moves on by LEFT where friction cannot hold it, while others move. If the whole state
-repeats in motion, there is no new state; without a command, brakes may hold the arm.
+A joint does not stop between two samples: at a constant deceleration, its last step is at most a
+third of the step before. If its position repeats bit by bit although velocity and last step were
+above MOVING, and this step above half of the step before, its sample is missing: its position is
+continued with its last velocity until it changes. After LOST the joint has no signal: the fault
+brakes it, and its velocity is assumed to decay with DECAY. A slower joint may stand; it has no
+signal if its reference moves on by LEFT where friction cannot hold it, while others move. If the
+whole state repeats in motion, there is no new state; without a command, brakes may hold the arm.
 """
 
 from collections import deque
@@ -54,9 +55,8 @@ FLOOR, RATIO = 0.003, 0.3
 """[rad] or [m], and share of the displacement, that integral and displacement may differ."""
 MEMORY, AGREEMENT = 0.1, 1.0
 """[s]"""
-MOVING, BRAKING = 0.1, 15.0
-"""[rad/s] or [m/s] from which a joint does not stop in one sample, and [rad/s²] or [m/s²] with
-which dry friction brakes a joint: slower states need a faster joint."""
+MOVING = 0.1
+"""[rad/s] or [m/s] from which a joint does not stop in one sample."""
 LEFT = 0.03
 """[rad] or [m] that the reference of a joint that stands may move, and may be away from it."""
 LOST = SafetyOptions.state_timeout
@@ -107,8 +107,7 @@ class Gate:
         whether a command moves or holds the arm.
         """
         self.plausibility = StatePlausibility(joint_names, velocity_limit, max_age, wraps)
-        self._reference, self._is_held = reference, is_held
-        self._is_commanded = is_commanded
+        self._reference, self._is_held, self._is_commanded = reference, is_held, is_commanded
         n = len(wraps)
         self._wraps, self._any_wraps = wraps, bool(wraps.any())
         self._far: list[float] = (FAR * np.minimum(velocity_limit, LARGEST_SPEED)).tolist()
@@ -128,7 +127,9 @@ class Gate:
         """Velocities of the last state."""
         self._missed = [0] * n
         """Samples in a row of each velocity that are missing."""
-        self._fast: BoolArray | None = None
+        self._step = 1.0, np.zeros(n)
+        """Duration [s] and length (n,) of the last step."""
+        self._fast: BoolArray = np.zeros(n, dtype=bool)
         """Which joints (n,) were so fast in the last step that they cannot stand now."""
         self._missing_ns = np.zeros(n, dtype=np.int64)
         """Time (n,) since the last sample of each joint that is missing, 0 for others."""
@@ -165,7 +166,7 @@ class Gate:
         are_all, passed_ns = all(repeats), verdict.stamp - self._ways[-1][0]
         if verdict.restart or (not are_all if self._is_silent else passed_ns > _PAUSE_NS):
             return self._first(verdict, q)
-        if are_all and self._fast is not None:
+        if are_all and self._fast.any():
             if not self._is_commanded() and (v is None or not v.any()):
                 return self._first(verdict, q)
             self._is_silent = True
@@ -179,7 +180,7 @@ class Gate:
             self._left = None
         d, span = self._difference_quotient(verdict.stamp, step)
         used, is_late = (d, True) if v is None else self._agreeing(dt, d, v, step)
-        self._fast = self._cannot_stand(dt, step, used, used if is_late or v is None else v)
+        self._fast = self._cannot_stand(dt, step, used)
         self._signals = Signals(
             q, used, verdict, 0.5 * span if is_late else 0.0, self._lost)
         return self._signals
@@ -231,21 +232,14 @@ class Gate:
         self._before = before
         return np.array(used), is_late
 
-    def _cannot_stand(
-        self, dt: float, step: FloatArray, used: FloatArray, v: FloatArray,
-    ) -> BoolArray | None:
-        """
-        Return which joints (n,) are too fast to stand at the next state, None for none.
-
-        `v` (n,) is the measured velocity if it agrees: it is exactly 0 if friction has stopped a
-        joint since the last state.
-        """
-        if used.dot(used) <= MOVING * MOVING:
-            return None
-        fast = np.minimum(np.abs(step), dt * np.abs(v)) > dt * max(MOVING, BRAKING * dt)
-        if self._is_missing:
-            fast &= self._missing_ns == 0
-        return fast if fast.any() else None
+    def _cannot_stand(self, dt: float, step: FloatArray, v: FloatArray) -> BoolArray:
+        """Return which joints (n,) are too fast to stand at the next state."""
+        (dt_before, before), self._step = self._step, (dt, step)
+        if v.dot(v) <= MOVING * MOVING:
+            return np.zeros_like(self._fast)
+        speed = np.abs(step) / dt
+        fast = (np.minimum(speed, np.abs(v)) > MOVING) & (speed > 0.5 / dt_before * np.abs(before))
+        return fast & (self._missing_ns == 0) if self._is_missing else fast
 
     def _left_behind(self, q: FloatArray, same: BoolArray) -> BoolArray:
         """Return which joints (n,) stand although their reference leaves them, and others move."""
@@ -267,8 +261,7 @@ class Gate:
         """
         last, dt, was_missing = self._signals, 1e-9 * passed_ns, self._missing_ns > 0
         left = self._left_behind(q, same)
-        missing = same & (left | was_missing if self._fast is None else (
-            left | was_missing | self._fast))
+        missing = same & (left | was_missing | self._fast)
         missing_ns = np.where(left, np.maximum(self._missing_ns, _LOST_NS), self._missing_ns)
         self._missing_ns = np.where(missing, missing_ns + passed_ns, 0)
         self._is_missing = bool(missing.any())

@@ -147,7 +147,9 @@ class StatePlausibility:
             dt = 1e-9 * (stamp - self._stamp)
             restart, words = self._contradicts(dt, passed, q)
             if not restart:
-                self._count_good()
+                if self._challenger is not None and self._has_several:
+                    self._contradiction = CONTRADICTION
+                self._contradiction = max(self._contradiction - 1, 0)
             elif not self.is_lock_step:
                 self._has_several = has_several_publishers()
                 self._check_is_confirmed(stamp, q, restart, words)
@@ -161,13 +163,12 @@ class StatePlausibility:
         offset = 0.0 if abs(age) < SAME_CLOCK else age if is_new else self._offset
         excess = age - offset
         if abs(excess) > self.max_age > 0.0 and self.has_age():
-            expected = f'expected at most {self.max_age:g} s (state_max_age), by the ' + (
-                'offset of its clock so far' if offset else 'clock of this computer')
-            if excess > 0.0:
-                raise ImplausibleStateError(
-                    'too old', f'header.stamp is {excess:.3f} s old, {expected}')
+            reason, side = ('too old', 'old') if excess > 0.0 else (
+                'from the future', 'in the future')
+            clock = 'offset of its clock so far' if offset else 'clock of this computer'
             raise ImplausibleStateError(
-                'from the future', f'header.stamp is {-excess:.3f} s in the future, {expected}')
+                reason, f'header.stamp is {abs(excess):.3f} s {side}, expected at most '
+                f'{self.max_age:g} s (state_max_age), by the {clock}')
         drift = DRIFT * passed
         return offset + min(max(excess, -drift), drift) if offset else 0.0
 
@@ -206,11 +207,6 @@ class StatePlausibility:
             f'position of {self._names[j]!r} is {q[j]:g}, {moved[j]:g} away from that of {dt:.3f} '
             f's before, expected at most {PLAY:g} and {SPEED_FACTOR:g} times the distance at its '
             'velocity limit'))
-
-    def _count_good(self) -> None:
-        if self._challenger is not None and self._has_several:
-            self._contradiction = CONTRADICTION
-        self._contradiction = max(self._contradiction - 1, 0)
 
     def _check_is_confirmed(self, stamp: int, q: FloatArray, reason: str, words: str) -> None:
         """Raise ImplausibleStateError until enough such states have followed each other."""
