@@ -262,7 +262,7 @@ class Gate:
         last, dt, was_missing = self._signals, 1e-9 * passed_ns, self._missing_ns > 0
         left = self._left_behind(q, same)
         missing = same & (left | was_missing | self._fast)
-        missing_ns = np.where(left, np.maximum(self._missing_ns, _LOST_NS), self._missing_ns)
+        missing_ns = np.where(left & ~was_missing, _LOST_NS, self._missing_ns)
         self._missing_ns = np.where(missing, missing_ns + passed_ns, 0)
         self._is_missing = bool(missing.any())
         self.plausibility.unseen, lost = 1e-9 * self._missing_ns, self._missing_ns > _LOST_NS
