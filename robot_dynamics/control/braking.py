@@ -74,7 +74,7 @@ def is_held(controller: Controller, q: FloatArray, error: FloatArray) -> BoolArr
 
     `q` and `error`, the reference minus q, are (n,) [rad] or [m]. Known friction is compensated
     but for SURPLUS; other friction is assumed to be as large as usual in gearboxes. A further
-    LEFT is tolerated.
+    error of LEFT is tolerated.
     """
     friction, limit = controller.arm.friction.at_rest, controller.arm.limits.effort
     usual = np.where(np.isfinite(limit), USUAL_FRICTION * limit, 0.0)

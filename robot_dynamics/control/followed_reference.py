@@ -166,7 +166,3 @@ class FollowedReference:
         q, v = np.clip(q, -LARGEST_VALUE, LARGEST_VALUE), np.clip(v, -fastest, fastest)
         self._limit_braking(q, v, True)
         self._generator.stop(stamp_ns, q, v)
-
-    def shift_time(self, shift_ns: int) -> None:
-        """Continue as before if the stamps of states continue lower by `shift_ns`."""
-        self._generator.shift_time(shift_ns)

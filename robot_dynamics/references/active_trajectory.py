@@ -80,12 +80,6 @@ class ActiveTrajectory:
         self._segment: Segment | None = None
         self.is_from_measurement = is_from_measurement
 
-    def earlier(self, shift_ns: int) -> 'ActiveTrajectory':
-        """Return the same trajectory with all times lower by `shift_ns`."""
-        return ActiveTrajectory(
-            self.trajectory, self.start_ns - shift_ns, self._arrival_ns - shift_ns,
-            self._state_before, self._plan, self.is_from_measurement)
-
     def sample(self, now_ns: int) -> Reference:
         """
         Return the reference at `now_ns`; calls may share its arrays, which must not be modified.

@@ -153,12 +153,6 @@ class ReferenceGenerator:
         """Discard trajectory and stream; the next trajectory starts from the measured state."""
         self.active = self._set_point = None
 
-    def shift_time(self, shift_ns: int) -> None:
-        """Lower the times of the active trajectory by `shift_ns`, as for a shifted clock."""
-        self._set_point = None
-        if self.active is not None:
-            self.active = self.active.earlier(shift_ns)
-
     def stop(self, now_ns: int, position: FloatArray, velocity: FloatArray) -> None:
         """
         Stop each joint as early as the limits permit, then hold the position.

@@ -123,7 +123,8 @@ class ControlPath:
 
         With `is_embedded` nothing is published once the joint states contain other joints.
         """
-        loop.monitor.max_age, loop.monitor.has_age = self._state_max_age, self._has_age
+        states = loop.gate.plausibility
+        states.max_age, states.has_age = self._state_max_age, self._has_age
         before = self.loop
         if before is not None:
             before.goals.end(Ending(Kind.HOLD, 'another model was loaded'))
@@ -155,7 +156,7 @@ class ControlPath:
         self._sample_max_age = sample_max_age
         served = self._served
         if served is not None:
-            served.loop.monitor.max_age = state_max_age
+            served.loop.gate.plausibility.max_age = state_max_age
             served.assembly.max_age = sample_max_age
 
     # ------------------------------------------------------------------ states
@@ -200,8 +201,6 @@ class ControlPath:
             self.command.notify()
         except ImplausibleStateError as error:
             self._log.drop(error.reason, f'Dropped a joint state: {error}')
-            if error.reason == 'too old':
-                self._look_for_replay(state.stamp_ns)
             if error.is_conflict:
                 self.command.notify()
         except RobotDynamicsError as error:
@@ -238,11 +237,6 @@ class ControlPath:
             served.layout, served.places = state.layout, served.reader.places
         return q, v
 
-    def _look_for_replay(self, stamp_ns: int) -> None:
-        replay = self.counters.replay
-        if self._has_age() and replay.examine(stamp_ns, time.time_ns()):
-            self._log.warn('replay', replay.text)
-
     def _description_is_published(self) -> bool:
         """Return whether a description that is not received yet will replace the embedded arm."""
         self._awaits_description = time.monotonic() - self._used_at < DISCOVERY_TIME
@@ -261,10 +255,8 @@ class ControlPath:
             counters.arrivals.append(now)
         else:
             counters.repeated += 1
-        if served.loop.monitor.is_other_clock:
-            self._look_for_replay(state.stamp_ns)
-        elif counters.replay.text:
-            counters.replay.reset()
+        if verdict.restart and (offset := served.loop.gate.plausibility.clock_offset) > 0.0:
+            self._log.clock(offset)
         if output.scale != self._log.bandwidth_scale:
             self._log.bandwidth(served.loop.controller)
         if served.loop.goals.notice:
@@ -289,7 +281,7 @@ class ControlPath:
                 self.command.fail(fault)
         if not served.check.done:
             served.check.add_state(
-                reader, state, q, v, gravity,
+                reader, state, q, gravity,
                 answer.effort if self.command.has_listeners() or self._drives.has_listeners()
                 else None)
 

@@ -51,7 +51,7 @@ class EffortCheck:
 
     def add_state(
         self, reader: JointStateReader, message: SensedState, q: FloatArray,
-        v: FloatArray | None, gravity: FloatArray, command: FloatArray | None,
+        gravity: FloatArray, command: FloatArray | None,
     ) -> None:
         """
         Take a state and the command for it, None if there is no command or no subscriber.
@@ -68,8 +68,7 @@ class EffortCheck:
         if effort is None:
             return
         try:
-            verdict = self._check.add(
-                message.stamp_ns, q, v, effort, in_force, gravity)
+            verdict = self._check.add(message.stamp_ns, q, effort, in_force, gravity)
         except Exception as error:  # an error of the check must not stop the control path
             self._node.get_logger().error(f'The effort check failed: {error!r}')
             self._finish(f'failed: {error!r}')

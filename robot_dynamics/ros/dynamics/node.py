@@ -12,7 +12,6 @@ from robot_dynamics.control.gains.loop_warnings import loop_warnings
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import convention_from_parameters
-from robot_dynamics.monitoring.state_plausibility import StatePlausibility
 from robot_dynamics.ros.dynamics.base_gravity import BaseGravity
 from robot_dynamics.ros.dynamics.command_status import active_words
 from robot_dynamics.ros.dynamics.control_path import ControlPath
@@ -255,11 +254,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._payloads.set_controller(controller)
         self._gravity.set_controller(controller)
         check = EffortCheck(self, arm, options.effort_convention, values['effort_check'])
-        monitor = StatePlausibility(
-            arm.joint_names, arm.limits.velocity, values['state_max_age'], arm.is_continuous)
         loop = ControlLoop(
-            controller, effort_limits(values, arm), safety_options(values), monitor,
-            self._path.loop)
+            controller, effort_limits(values, arm), safety_options(values), self._path.loop)
         external = ExternalEffortFault(self, controller, options.effort_convention, values)
         self._path.set_loop(loop, check, external, is_embedded)
         self._limit_path(values)

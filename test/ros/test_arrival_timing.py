@@ -1,39 +1,32 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rate, jitter and late events, compared with numpy on random times."""
+"""Rate, jitter and late states, compared with numpy on random times."""
+
+from collections import deque
 
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.monitoring.event_timing import EventTiming, Timing
+from robot_dynamics.ros.dynamics.state_log import ArrivalTiming, Timing
 
-WINDOW = 1.0
 START = 1000.0
-
 intervals = st.lists(st.floats(1e-4, 0.5), min_size=1, max_size=60)
-
-
-def timing_of(times: np.ndarray) -> EventTiming:
-    timing = EventTiming(START, WINDOW)
-    for t in times:
-        timing.happened(float(t))
-    return timing
 
 
 @settings(max_examples=50)
 @given(intervals, intervals)
 def test_windows_do_not_mix(first, second):
     """An interval belongs to the window in which it ended."""
-    timing, t = EventTiming(START, WINDOW), START
+    timing, t = ArrivalTiming(START), START
     last: list[float] = []
     for lengths in (first, second):
         begin, ends = t, t + np.cumsum(lengths)
-        for end in ends:
-            timing.happened(float(end))
-        t = max(float(ends[-1]), begin + WINDOW) + 0.01
-        seen, between = timing.last_window(t), np.diff([*last, *ends])
+        t = max(float(ends[-1]), begin + 1.0) + 0.01
+        arrivals = deque(ends.tolist())
+        seen, between = timing.take(arrivals, t), np.diff([*last, *ends])
+        assert not arrivals
         if between.size == 0:
             assert seen == Timing()
         else:
@@ -47,24 +40,25 @@ def test_windows_do_not_mix(first, second):
 @given(st.lists(st.floats(1e-3, 0.1), min_size=2, max_size=30),
        st.lists(st.floats(1e-3, 0.3), min_size=1, max_size=30))
 def test_late_is_more_than_one_and_a_half_intervals_of_the_window_before(first, second):
-    timing = timing_of(START + np.cumsum(first))
+    timing, times = ArrivalTiming(START), START + np.cumsum(first)
+    now = START + max(1.0, sum(first))
+    timing.take(deque(times.tolist()), now)
     assert timing.late == 0  # there is no reference interval yet
-    end = START + sum(first)
-    usual = np.diff(START + np.cumsum(first)).mean()
-    timing.last_window(START + max(WINDOW, sum(first)))
-    for t in end + np.cumsum(second):
-        timing.happened(float(t))
-    between = np.diff(np.concatenate([[end], end + np.cumsum(second)]))
+    usual = np.diff(times).mean()
+    later = times[-1] + np.cumsum(second)
+    timing.take(deque(later.tolist()), now + max(1.0, sum(second)))
+    between = np.diff([times[-1], *later])
     assume((np.abs(between - 1.5 * usual) > 1e-9).all())
     assert timing.late == (between > 1.5 * usual).sum()
 
 
-def test_a_window_is_summed_up_when_it_is_over_and_not_before():
-    timing = timing_of(START + np.arange(1, 100) * 0.005)
-    assert timing.last_window(START + 0.999 * WINDOW) == Timing()
-    seen = timing.last_window(START + WINDOW)
+def test_a_window_is_evaluated_when_it_is_over_and_not_before():
+    timing, arrivals = ArrivalTiming(START), deque((START + np.arange(1, 100) * 0.005).tolist())
+    assert timing.take(arrivals, START + 0.999) == Timing()
+    assert len(arrivals) == 99
+    seen = timing.take(arrivals, START + 1.0)
     assert seen.rate == pytest.approx(98.0)
-    assert timing.last_window(START + 1.5 * WINDOW) == seen == timing.timing
-    assert timing.last_window(START + 2.0 * WINDOW) == Timing()  # no event since
-    timing.happened(START + 3.0)
+    assert timing.take(arrivals, START + 1.5) == seen == timing.timing
+    assert timing.take(arrivals, START + 2.0) == Timing()  # no state since
+    assert timing.take(deque([START + 2.5]), START + 3.0).rate == pytest.approx(1.0)
     assert timing.late == 0  # until an interval is known
