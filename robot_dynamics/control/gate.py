@@ -25,9 +25,10 @@ A joint does not stop between two samples: at a constant deceleration, its last 
 third of the step before. If its position repeats bit by bit although velocity and last step were
 above MOVING, and this step above half of the step before, its sample is missing: its position is
 continued with its last velocity until it changes. After LOST the joint has no signal: the fault
-brakes it, and its velocity is assumed to decay with DECAY. A slower joint may stand; it has no
-signal if its reference moves on by LEFT where friction cannot hold it, while others move. If the
-whole state repeats in motion, there is no new state; without a command, brakes may hold the arm.
+brakes it, and its velocity is assumed to decay with DECAY. A slower joint may stand. It has no
+signal if its reference moves on by LEFT where friction cannot hold it, while others move, or if
+its velocity, which agreed, repeats as well and would have moved it by FLOOR. If the whole state
+repeats in motion, there is no new state; without a command, brakes may hold the arm.
 """
 
 from collections import deque
@@ -114,6 +115,7 @@ class Gate:
         self._agreed = [AGREEMENT] * n
         """[s] in motion for which the velocity of each joint has agreed with its positions."""
         self._measured: FloatArray = np.full(n, np.nan)
+        self._measured_v: FloatArray | None = None
         self._first(StateVerdict(False), self._measured)
 
     def _first(self, verdict: StateVerdict, q: FloatArray) -> Signals:
@@ -138,6 +140,8 @@ class Gate:
         """Which joints (n,) have no signal, None for none."""
         self._left: FloatArray | None = None
         """The reference (n,) when the position of each joint began to repeat."""
+        self._claimed: FloatArray = np.zeros(n)
+        """Way (n,) that measured velocities state, while they and the positions repeat."""
         self._is_missing = self._is_silent = False
         return self._signals
 
@@ -162,6 +166,7 @@ class Gate:
         if not verdict.is_new:
             return self._signals._replace(verdict=verdict)
         same, self._measured = q == self._measured, q
+        v_before, self._measured_v = self._measured_v, v
         repeats = same.tolist()
         are_all, passed_ns = all(repeats), verdict.stamp - self._ways[-1][0]
         if verdict.restart or (not are_all if self._is_silent else passed_ns > _PAUSE_NS):
@@ -175,9 +180,10 @@ class Gate:
         if self._any_wraps:
             step = np.where(self._wraps, wrap_to_pi(step), step)
         if self._is_missing or any(repeats) and not are_all:
-            q, step = self._continued(passed_ns, q, step, same)
+            left = self._left_behind(q, same) | self._contradicts(dt, same, v, v_before)
+            q, step = self._continued(passed_ns, q, step, same, left)
         else:
-            self._left = None
+            self._left, self._claimed = None, 0.0 * q
         d, span = self._difference_quotient(verdict.stamp, step)
         used, is_late = (d, True) if v is None else self._agreeing(dt, d, v, step)
         self._fast = self._cannot_stand(dt, step, used)
@@ -251,8 +257,18 @@ class Gate:
         left = same & (np.abs(desired - self._left) > LEFT)
         return left & ~self._is_held(q, desired - q) if left.any() else left
 
+    def _contradicts(
+        self, dt: float, same: BoolArray, v: FloatArray | None, before: FloatArray | None,
+    ) -> BoolArray:
+        """Return which joints (n,) repeat a velocity with which they cannot stand so long."""
+        if v is None or before is None:
+            return np.zeros_like(same)
+        keep = max(1.0 - dt / AGREEMENT, 0.0)
+        self._claimed = np.where(same & (v == before), keep * self._claimed + dt * np.abs(v), 0.0)
+        return (self._claimed > FLOOR) & ~self.doubtful
+
     def _continued(
-        self, passed_ns: int, q: FloatArray, step: FloatArray, same: BoolArray,
+        self, passed_ns: int, q: FloatArray, step: FloatArray, same: BoolArray, left: BoolArray,
     ) -> tuple[FloatArray, FloatArray]:
         """
         Return positions and steps (n,) with those of missing joints continued.
@@ -260,7 +276,6 @@ class Gate:
         The first step of a joint that is found is also that of its last velocity.
         """
         last, dt, was_missing = self._signals, 1e-9 * passed_ns, self._missing_ns > 0
-        left = self._left_behind(q, same)
         missing = same & (left | was_missing | self._fast)
         missing_ns = np.where(left & ~was_missing, _LOST_NS, self._missing_ns)
         self._missing_ns = np.where(missing, missing_ns + passed_ns, 0)
