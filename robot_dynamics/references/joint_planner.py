@@ -102,9 +102,10 @@ class JointPlanner:
         """
         Return the motion to a moving target and with it for `follow_time` [s], and a stop.
 
-        `target` is its state at `time` [s]; its acceleration is constant. The joint stops at `time`
-        if it could not stop later, and moves to rest at the position of the target if it could not
-        stop then. It keeps the distance from a position limit that the target covers in JERK_TIME.
+        `target` is its state at `time` [s]; its acceleration is constant. The joint stops at
+        `time` if it could not stop later, and moves to rest at the position of the target if it
+        could not stop then. It keeps the distance from a position limit that the target covers in
+        JERK_TIME.
         """
         limits, reserve = self.limits, JERK_TIME / self.limits.scale * abs(target[1])
         inside = min(max(self.q, limits.lower), limits.upper)

@@ -126,7 +126,8 @@ def test_inertia_and_gravity_are_not_underestimated_during_a_transition(old, tar
         assert (actual.gravity <= assumed.gravity + 1e-9).all()
     ends = [WorkspaceInertia(ArmDynamics(loaded.arm.with_payloads(loads)))
             for loads in (old, target)]
-    assert assumed.mass.max(axis=0) == pytest.approx(np.maximum(ends[0].mass.max(axis=0), ends[1].mass.max(axis=0)))
+    assert assumed.mass.max(axis=0) == pytest.approx(
+        np.maximum(ends[0].mass.max(axis=0), ends[1].mass.max(axis=0)))
 
 
 def test_a_transition_to_no_load_ends_with_the_unloaded_arm():

@@ -98,7 +98,8 @@ def test_set_points_at_most_half_a_second_apart_are_a_stream(interval, duration)
 def test_the_first_set_point_with_a_velocity_is_met_after_25_ms():
     one = ReferenceGenerator(NAMES, (), limits_of(), stream_timeout=1.0)
     one.start(set_point((0.01, 0.01), (0.05, 0.05)), NOW, ZERO, ZERO)
-    assert at(one, 0.5).position == pytest.approx(np.full(2, 0.01 + 0.05 * (0.5 - 0.025)), abs=1e-6)
+    assert at(one, 0.5).position == pytest.approx(
+        np.full(2, 0.01 + 0.05 * (0.5 - 0.025)), abs=1e-6)
 
 
 def test_a_target_beyond_the_velocity_limit_is_followed_with_95_percent_of_the_limit():
