@@ -61,26 +61,26 @@ class RunningNodes:
             serialize_message(String(data=default_arm_urdf())))
         assert self.simulated_arm.get_parameter('lock_step').value
         assert self.simulated_arm.get_namespace() == '/apart'
-        self._servers: dict[str, tuple[Node, DynamicsServices]] = {}
+        self._servers = dict[str, Node]()
+        self._controllers = dict[str, Controller]()
         for arm in (*ARMS, CROWD):
-            self._services_of(arm.name).set_controller(
-                Controller(arm, options_from(DEFAULTS, arm)))
+            self._serve(arm.name, Controller(arm, options_from(DEFAULTS, arm)))
         return self
 
     def __exit__(self, *_: object) -> None:
         # One of the tried values may cause a ramp of a minute at the end.
         self.dynamics.set_parameters([
             Parameter('ramp_time', value=0.0), Parameter('effort_rate_limit', value=1e9)])
-        for node in (self.dynamics, self.simulated_arm, *(n for n, _ in self._servers.values())):
+        for node in (self.dynamics, self.simulated_arm, *self._servers.values()):
             node.destroy_node()
         rclpy.shutdown()
 
-    def _services_of(self, name: str) -> DynamicsServices:
+    def _serve(self, name: str, controller: Controller) -> None:
+        self._controllers[name] = controller
         if name not in self._servers:
-            node = GuardedCallbacks(f'services_of_{name}')
+            node = self._servers[name] = GuardedCallbacks(f'services_of_{name}')
             keeper = PayloadKeeper(node, lambda: DEFAULTS)
-            self._servers[name] = node, DynamicsServices(node, keeper)
-        return self._servers[name][1]
+            DynamicsServices(node, keeper, lambda: self._controllers[name])
 
     # ------------------------------------------------------------------ services
 
@@ -90,7 +90,7 @@ class RunningNodes:
 
     def ask(self, service: str, arm: ArmModel, request: Any, server: str = '') -> None:
         """Call a service, by default for one of `ARMS`; raise RefusalError with its message."""
-        response = answer_of(self._servers[server or arm.name][0], service, request)
+        response = answer_of(self._servers[server or arm.name], service, request)
         if hasattr(response, 'joint_names'):
             assert sorted(response.joint_names) == sorted(arm.joint_names)
         check_lengths(service, request, response, arm)
@@ -145,7 +145,7 @@ class RunningNodes:
             SPEC[name].check(values[name])
         arm = arm_from_parameters(xml, values)
         check_or_refuse(xml, arm, values, self.dynamics.get_logger())
-        self._services_of('any').set_controller(Controller(arm, options_from(values, arm)))
+        self._serve('any', Controller(arm, options_from(values, arm)))
         n = arm.joint_count
         motion = {'position': [0.3] * n, 'velocity': [0.1] * n}
         for service, request in (

@@ -6,7 +6,6 @@
 from collections.abc import Callable
 import math
 import time
-from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -46,21 +45,19 @@ GRAVITY_SPECS = (
 )
 
 
-class TakesGravity(Protocol):
-    """What gets the gravity (3,) [m/s²], and its largest rate of change [m/s³]."""
-
-    def set_gravity(self, gravity: FloatArray, rate: float) -> None:
-        ...
-
-
 class BaseGravity:
-    """Passes gravity to the controller; called in the executor."""
+    """Observes the gravity of the base; called in the executor."""
 
-    def __init__(self, node: Node, values: Callable[[], Values]) -> None:
-        """Subscribe to the IMU if the parameters demand it; `values` returns the parameters."""
-        self._node, self._values = node, values
-        self._controller: TakesGravity | None = None
-        self._gravity: FloatArray | None = None
+    def __init__(
+        self, node: Node, values: Callable[[], Values], use: Callable[[FloatArray], None],
+    ) -> None:
+        """
+        Subscribe to the IMU if the parameters demand it; `values` returns the parameters.
+
+        `use` is called with each new gravity (3,) [m/s²].
+        """
+        self._node, self._values, self._use = node, values, use
+        self.measured: FloatArray | None = None
         """Gravity (3,) [m/s²] of the newest valid message of the IMU."""
         self._received_at, self._changed_at = -math.inf, -math.inf
         self._refused, self._refusal = 0, ''
@@ -69,22 +66,10 @@ class BaseGravity:
             self._R = rotation(np.array(values()['imu_rpy'] or (0.0, 0.0, 0.0)))
             node.create_subscription(Imu, TOPIC, self._on_imu, NEWEST)
 
-    def set_controller(self, controller: TakesGravity) -> None:
-        """Change the gravity of this controller from now on, first to that of the IMU."""
-        self._controller = controller
-        if self._gravity is not None:
-            controller.set_gravity(self._gravity, math.inf)
-
-    def forget(self) -> None:
-        """Change no controller."""
-        self._controller = None
-
     def take(self, values: Values) -> None:
         """Use the changed parameter `gravity`; the IMU takes precedence."""
-        if self._controller is not None and not self._has_imu and (
-                values['gravity'] != self._values()['gravity']):
-            self._controller.set_gravity(
-                np.array(values['gravity']), values['gravity_rate_limit'])
+        if not self._has_imu and values['gravity'] != self._values()['gravity']:
+            self._use(np.array(values['gravity']))
 
     def _on_imu(self, message: Imu) -> None:
         now = time.monotonic()
@@ -97,24 +82,24 @@ class BaseGravity:
                 f'Rejected a message on {TOPIC}: {error}', throttle_duration_sec=LOG_PERIOD)
             return
         dt, self._received_at = now - self._received_at, now
-        share = 1.0 if self._gravity is None or has_orientation(message) else (
+        share = 1.0 if self.measured is None or has_orientation(message) else (
             dt / (dt + FILTER_TIME))
-        before = self._gravity if self._gravity is not None else measured
-        self._gravity = before + share * (measured - before)
-        if self._controller is not None and now - self._changed_at >= SHORTEST_PERIOD:
+        before = self.measured if self.measured is not None else measured
+        self.measured = before + share * (measured - before)
+        if now - self._changed_at >= SHORTEST_PERIOD:
             self._changed_at = now
-            self._controller.set_gravity(self._gravity, self._values()['gravity_rate_limit'])
+            self._use(self.measured)
 
     def status(self) -> Status:
         """Return the status for the diagnostics."""
         silence = time.monotonic() - self._received_at
-        gravity = self._values()['gravity'] if self._gravity is None else self._gravity
+        gravity = self._values()['gravity'] if self.measured is None else self.measured
         level, words = OK, ', '.join(f'{g:.3g}' for g in gravity) + ' m/s²' + (
             f', of {TOPIC}' if self._has_imu else '')
         if self._has_imu and silence > SILENCE:
             level = WARN
             words = (f'no valid message on {TOPIC} yet: the parameter gravity is used'
-                     if self._gravity is None else
+                     if self.measured is None else
                      f'no valid message on {TOPIC} for {silence:.1f} s: its last gravity is used')
         return Status('gravity', level, words, {
             'gravity': [round(float(g), 3) for g in gravity], 'refused': self._refused,
