@@ -54,7 +54,6 @@ class RunningNodes:
     def __enter__(self) -> 'RunningNodes':
         rclpy.init(args=['--ros-args', *ARGUMENTS])
         self.dynamics = DynamicsNode(parameter_overrides=[
-            Parameter('state_thread', value=False),  # the tests call the callback
             Parameter('state_timeout', value=60.0)])  # no fault on a slow machine
         self.simulated_arm = SimulatedArmNode()
         callback_of(self.dynamics, 'robot_description')(
@@ -102,18 +101,24 @@ class RunningNodes:
         node = self.dynamics
         if topic == 'joint_trajectory':  # starts at the position of the arm, which has to be valid
             for state in AT_REST:
-                callback_of(node, 'joint_states')(serialize_message(state))
+                self._deliver(serialize_message(state))
         counters = node._path.counters
         answered, node._trajectories.refusal, counters.last_drop = node._path.loop.states, '', ''
         failures = counters.dropped['internal error']
-        info = ({},) if topic == 'joint_trajectory' else ()
-        callback_of(node, topic)(serialize_message(message), *info)
+        if topic == 'joint_states':
+            self._deliver(serialize_message(message))
+        else:
+            callback_of(node, topic)(serialize_message(message), {})
         assert counters.dropped['internal error'] == failures, counters.last_drop
         words = node._trajectories.refusal if topic == 'joint_trajectory' else counters.last_drop
         if words:
             raise RefusalError(words)
         if topic == 'joint_states' and node._path.loop.states == answered:
             raise RefusalError('the state was ignored: it has other joints')
+
+    def _deliver(self, state: bytes) -> None:
+        with np.errstate(over='ignore', invalid='ignore'):  # as in the thread of the loop
+            self.dynamics._loop._deliver(state)
 
     # ------------------------------------------------------------------ parameters and URDFs
 

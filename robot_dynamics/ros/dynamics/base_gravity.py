@@ -15,7 +15,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
-from robot_dynamics.ros.parameters.declared_parameters import flag, number, numbers, Values
+from robot_dynamics.ros.parameters.declared_parameters import numbers, Values
 from robot_dynamics.urdf.values import rotation
 from sensor_msgs.msg import Imu
 
@@ -30,19 +30,14 @@ FILTER_TIME = 0.1
 PLAUSIBLE = (0.5, 2.0)
 """Range of a measured acceleration, as multiples of the gravity of the parameter."""
 
-GRAVITY_SPECS = (
-    number('gravity_rate_limit', 20.0, 0.1, 1e6, (
-        'Largest rate of change of gravity [m/s^3] after a change of the parameter gravity or a '
-        'message of the IMU. A base that tilts with 1 rad/s changes gravity by 9.81 m/s^3.')),
-    flag('gravity_from_imu', False, (
-        'Take gravity from the topic base_imu (sensor_msgs/msg/Imu) instead of the parameter '
-        'gravity, whose magnitude is still used: from the orientation, or from the linear '
-        'acceleration if there is no orientation. For arms on mobile or tilting bases.'),
-        read_only=True),
-    numbers('imu_rpy', -math.tau, math.tau, (
-        'Roll, pitch and yaw [rad] of the frame of the IMU in the base frame of the arm, as in a '
-        'URDF. If empty, the axes of both frames are parallel.'), read_only=True),
-)
+GRAVITY_RATE = 20.0
+"""Largest rate of change of gravity [m/s³] in commands, that of a base that tilts at 2 rad/s."""
+IMU_SPEC = numbers('imu_rpy', -math.tau, math.tau, (
+    'Take gravity from the topic base_imu (sensor_msgs/msg/Imu) of an IMU whose frame has this '
+    'roll, pitch and yaw [rad] in the base frame of the arm, as in a URDF: from its orientation, '
+    'or from its linear acceleration if it has no orientation. For arms on mobile or tilting '
+    'bases. If empty, gravity is the parameter gravity, whose magnitude is used in any case.'),
+    read_only=True)
 
 
 class BaseGravity:
@@ -61,9 +56,9 @@ class BaseGravity:
         """Gravity (3,) [m/s²] of the newest valid message of the IMU."""
         self._received_at, self._changed_at = -math.inf, -math.inf
         self._refused, self._refusal = 0, ''
-        self._has_imu = bool(values()['gravity_from_imu'])
+        self._has_imu = bool(values()['imu_rpy'])
         if self._has_imu:
-            self._R = rotation(np.array(values()['imu_rpy'] or (0.0, 0.0, 0.0)))
+            self._R = rotation(np.array(values()['imu_rpy']))
             node.create_subscription(Imu, TOPIC, self._on_imu, NEWEST)
 
     def take(self, values: Values) -> None:

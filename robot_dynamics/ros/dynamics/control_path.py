@@ -126,9 +126,6 @@ class ControlPath:
                     self._answer(served, state)
             except OtherJointsError:
                 self.counters.dropped['other joints'] += 1
-            except ForeignJointsError as error:
-                served.messages.foreign_joints = str(error)
-                self._log.refuse_embedded(str(error))
             except NonFiniteEffortError as error:
                 self._log.drop('no finite effort', f'Dropped a joint state: {error}')
                 self.command.notify()
@@ -144,6 +141,7 @@ class ControlPath:
                 self._log.drop('internal error', f'Dropped a joint state: {error!r}')
 
     def _answer(self, served: Served, state: SensedState) -> None:
+        """Publish the efforts for a state, and what follows from it."""
         command, messages, steady_ns = self.command, served.messages, time.monotonic_ns()
         values = None
         if state.layout is messages.layout and not messages.foreign_joints:  # the usual case
@@ -157,7 +155,7 @@ class ControlPath:
             whole = self._completed(messages, state, 1e-9 * steady_ns)
             if whole is None:
                 return
-            state, (q, v) = whole, self._read(messages, whole)
+            state, (q, v) = whole, self._read(served, whole)
         answer = served.loop.answer(
             state.stamp_ns, q, v, time.time_ns(), steady_ns, self._has_several_publishers,
             command.order.fault, partial(command.publish, state.stamp))
@@ -180,7 +178,12 @@ class ControlPath:
         if messages.awaits_description and self._description_is_published(messages):
             self._log.count('robot_description not received yet')
             return None
-        state = messages.assembly.take(received)
+        try:
+            state = messages.assembly.take(received)
+        except ForeignJointsError as error:
+            messages.foreign_joints = str(error)
+            self._log.refuse_embedded(str(error))
+            return None
         if state is None:
             self._log.part(
                 messages.assembly.missing,
@@ -188,10 +191,14 @@ class ControlPath:
         return state
 
     def _read(
-        self, messages: ArmMessages, state: SensedState,
+        self, served: Served, state: SensedState,
     ) -> tuple[FloatArray, FloatArray | None]:
         """Return position and velocity (n,) of a state, and learn where its layout has them."""
+        messages = served.messages
         q, v = messages.reader.read(state)
+        messages.has_effort = len(state.effort) > 0
+        if not messages.has_effort:
+            served.check.lack_effort()
         if state.layout is messages.assembly.whole and not messages.awaits_description:
             messages.layout, messages.places = state.layout, messages.reader.places
         return q, v
@@ -232,7 +239,7 @@ class ControlPath:
             if count():
                 self._publish(state, served, answer)
                 break
-        if served.external.is_on or served.check.needs(state):
+        if served.external.is_on or served.messages.has_effort and not served.check.done:
             self._examine(served, state, answer, q)
 
     def _examine(

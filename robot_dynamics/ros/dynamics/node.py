@@ -11,12 +11,11 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.feed_forward import FeedForward
-from robot_dynamics.control.gains.loop_warnings import loop_warnings
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.monitoring.state_plausibility import StatePlausibility
-from robot_dynamics.ros.dynamics.base_gravity import BaseGravity
+from robot_dynamics.ros.dynamics.base_gravity import BaseGravity, GRAVITY_RATE
 from robot_dynamics.ros.dynamics.command_status import active_words
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
@@ -27,7 +26,6 @@ from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
 from robot_dynamics.ros.dynamics.model_source import ModelSource
 from robot_dynamics.ros.dynamics.parameters import (
     effort_limits,
-    GAINS,
     options_from,
     safety_options,
     SPECS,
@@ -55,8 +53,6 @@ from robot_dynamics.validation import check_vector
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-LOOP_PARAMETERS = (*GAINS, 'scale_gains', 'condition_references', 'effort_rate_limit')
-"""Parameters on which the stability of the loop depends."""
 STATES = QoSProfile(depth=MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
@@ -142,7 +138,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._loop = MessageLoop(
             self, JointState, 'joint_states', STATES, JointStateDecoder().decode,
             self._path.on_state, self._path.refuse,
-            in_thread=self._settings.values['state_thread'],
             source=lambda state: tuple(state.name))
         if self._settings.values['autostart']:
             self._start()
@@ -252,22 +247,22 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         values = self._settings.values
         self._payloads.check(arm)
         controller = Controller(arm, options_from(values, arm), lock=self._path.lock)
-        controller.set_payloads(self._payloads.payloads, 0.0, lambda _: None)
+        if self._payloads:
+            controller.set_payloads(self._payloads.payloads, 0.0, lambda _: None)
         if self._gravity.measured is not None:
             controller.set_gravity(self._gravity.measured, math.inf)
         convention = controller.options.effort_convention
-        check = EffortCheck(self, arm, convention, values['effort_check'])
+        check = EffortCheck(self, arm, convention)
         external = ExternalEffortFault(self, controller, convention, values)
         monitor = StatePlausibility(
             arm.joint_names, arm.limits.velocity, values['state_max_age'], arm.is_continuous)
-        messages = ArmMessages(arm.joint_names, values['joint_sample_max_age'], is_embedded)
+        messages = ArmMessages(arm.joint_names, is_embedded)
         with self._path.lock:  # between two states, as the loop continues that of the last model
             loop = ControlLoop(
                 controller, effort_limits(values, arm), safety_options(values), monitor,
                 self._path.loop)
             self._path.serve(Served(loop, values, check, external, FeedForward(loop), messages))
         self._payloads.publish()
-        self._warn_of_loop(controller)
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         for name, position in arm.locked_joints.items():
             self.get_logger().info(f'Joint {name!r} is locked at {position:g}')
@@ -275,11 +270,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def _use_gravity(self, gravity: FloatArray) -> None:
         controller = self._controller()
         if controller is not None:
-            controller.set_gravity(gravity, self._settings.values['gravity_rate_limit'])
-
-    def _warn_of_loop(self, controller: Controller) -> None:
-        for warning in loop_warnings(controller):
-            self.get_logger().warning(warning)
+            controller.set_gravity(gravity, GRAVITY_RATE)
 
     # ------------------------------------------------------------------ parameters
 
@@ -301,13 +292,10 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         with self._path.lock:  # between two states
             loop.set_options(options, limits, safety_options(values))
             loop.monitor.max_age = values['state_max_age']
-            served.messages.assembly.max_age = values['joint_sample_max_age']
             served.external.set_limits(values)
             self._path.set_values(values)
         self._path.command.notify()
         self._gravity.take(values)
-        if any(values[name] != served.values[name] for name in LOOP_PARAMETERS):
-            self._warn_of_loop(loop.controller)
 
     # ------------------------------------------------------------------ diagnostics
 

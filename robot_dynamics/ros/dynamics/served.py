@@ -28,16 +28,16 @@ from robot_dynamics.ros.parameters.declared_parameters import Values
 class ArmMessages:
     """Reads the joint states of one arm, and writes its messages; for the control path."""
 
-    def __init__(
-        self, joint_names: tuple[str, ...], sample_max_age: float, is_embedded: bool,
-    ) -> None:
+    def __init__(self, joint_names: tuple[str, ...], is_embedded: bool) -> None:
         """With `is_embedded` states with other joints are errors (`StateAssembly`)."""
         self.joint_count = len(joint_names)
-        self.assembly = StateAssembly(joint_names, sample_max_age, is_embedded)
+        self.assembly = StateAssembly(joint_names, is_embedded)
         self.reader = JointStateReader(joint_names)
         self.layout: Layout | None = None
         """The layout of complete states whose numbers `places` finds."""
         self.places: IntArray = np.zeros(0, dtype=np.intp)
+        self.has_effort = False
+        """Whether the last state that was read has efforts."""
         self.foreign_joints = ''
         """Reason why the embedded arm is not served, empty if it is."""
         self.awaits_description, self.used_at = is_embedded, time.monotonic()

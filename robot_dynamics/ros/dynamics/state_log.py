@@ -155,8 +155,8 @@ class StateReport:
             level, words = WARN, 'none arrive'
             if counters.missing:
                 level, words = ERROR, (
-                    f'incomplete: no samples of {list(counters.missing)} that are new enough '
-                    '(joint_sample_max_age)')
+                    f'incomplete: no samples of {list(counters.missing)} that are at most half '
+                    'a period old')
         if counters.replay.text:
             level, words = max(level, WARN), f'{words}; {counters.replay.text}'
         wrong = [] if loop is None else [name for name, is_doubtful in zip(

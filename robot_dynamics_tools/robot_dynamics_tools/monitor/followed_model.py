@@ -16,7 +16,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
 from robot_dynamics.model.payload import describe_payloads, Payload
-from robot_dynamics.ros.dynamics.base_gravity import BaseGravity, GRAVITY_SPECS
+from robot_dynamics.ros.dynamics.base_gravity import BaseGravity
 from robot_dynamics.ros.dynamics.external_effort_fault import CONTACT_SPECS, OBSERVER_SPECS
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.parameters import robot_description
@@ -26,12 +26,12 @@ from robot_dynamics.urdf.parser import parse_urdf
 MODEL_NAMES = (
     *(spec.name for spec in (
         *robot_description.FRICTION_SPECS, *robot_description.ACTUATOR_SPECS,
-        *robot_description.DRIVE_SPECS, *robot_description.UNCERTAINTY_SPECS, *GRAVITY_SPECS)),
-    'joints', 'gravity', 'measured_effort', 'robot_compensates', 'robot_gravity')
+        *robot_description.DRIVE_SPECS, *robot_description.UNCERTAINTY_SPECS)),
+    'joints', 'gravity', 'imu_rpy', 'measured_effort', 'robot_compensates', 'robot_gravity')
 """Parameters of `dynamics` that describe the model."""
 NAMES = (
     *MODEL_NAMES, *(spec.name for spec in (*OBSERVER_SPECS, *CONTACT_SPECS)),
-    'joint_sample_max_age', 'state_max_age', 'lock_step', 'command', 'friction_compensation',
+    'state_max_age', 'lock_step', 'command', 'friction_compensation',
     'use_sim_time')
 """All parameters of `dynamics` that are used."""
 
@@ -88,7 +88,7 @@ class FollowedModel:
         is_other = xml != self._xml or any(
             values[name] != self._values.get(name) for name in MODEL_NAMES if name != 'gravity')
         self._xml, self._values = xml, values
-        if values['gravity_from_imu'] and self._imu is None:
+        if values['imu_rpy'] and self._imu is None:
             self._imu = BaseGravity(self._node, lambda: self._values, self._use_gravity)
         self._make(is_other)
 
@@ -110,7 +110,7 @@ class FollowedModel:
         try:
             base = current.base if current is not None and not is_other else (
                 arm_from_parameters(self._xml, values))
-            gravity = self._gravity if values['gravity_from_imu'] and (
+            gravity = self._gravity if values['imu_rpy'] and (
                 self._gravity is not None) else np.array(values['gravity'])
             self._current = Followed(
                 base, self._xml, values, gravity, self._payloads,
@@ -133,7 +133,7 @@ class FollowedModel:
         if model is None:
             words = self._obstacle or 'none yet'
             return [Status('model', ERROR if self._obstacle else WARN, words, {})]
-        imu = self._imu.status() if self._imu and model.values['gravity_from_imu'] else None
+        imu = self._imu.status() if self._imu and model.values['imu_rpy'] else None
         level, words = (OK, '') if imu is None or imu.level == OK else (
             imu.level, f'; {imu.message}')
         return [

@@ -95,7 +95,7 @@ def test_gravity_of_the_imu_is_that_of_the_monitor_too(client):
     effort = ArmDynamics(ARM.with_gravity(gravity)).rigid_body.gravity(np.array(START))
     with running(
             NodeProcess(DYNAMICS, {
-                **UNHURRIED, 'joints': NAMES, 'gravity_from_imu': True,
+                **UNHURRIED, 'joints': NAMES, 'imu_rpy': [0.0, 0.0, 0.0],
                 'external_effort_bandwidth': 50.0}, namespace='/tilted'),
             NodeProcess(MONITOR, namespace='/tilted')):
         robot = HeldRobot(client, '/tilted', True, position=START, effort=effort.tolist())

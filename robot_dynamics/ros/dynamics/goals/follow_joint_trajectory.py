@@ -20,6 +20,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.trajectory_goal import (
     GoalFeedback,
     ResultCode,
