@@ -26,8 +26,6 @@ FULL_EFFORT_TIME = 0.1
 """Default time [s] in which the command may change by the effort limit of a joint."""
 DEFAULT_EFFORT_RATE = 1000.0
 """Default rate of change [N·m/s] or [N/s] for a joint without an effort limit."""
-POSITION_MARGIN = 0.01
-"""Default distance [rad] or [m] before a position limit at which the effort is limited."""
 DEFAULT_STATE_MAX_AGE = 0.2
 """Default of the largest age of a state [s]."""
 
@@ -104,5 +102,5 @@ def default_limits(arm: ArmModel) -> EffortLimits:
     """Return the limits of the command by the defaults of the node `dynamics`."""
     limits = arm.limits
     return EffortLimits(
-        limits.lower, limits.upper, limits.velocity, POSITION_MARGIN, default_effort_rates(arm),
+        limits.lower, limits.upper, limits.velocity, default_effort_rates(arm),
         arm.given_drive.limit)

@@ -33,7 +33,7 @@ LONGEST_STOP = 5.0
 DEFAULT_GOAL_TOLERANCE = 0.01
 """Default distance [rad] or [m] from the goal at which it is reached."""
 DEFAULT_GOAL_TIME = 5.0
-"""Default time [s] after the end of the trajectory for the arm to reach the goal."""
+"""[s] after the end of the trajectory for the arm to reach the goal, without a given time."""
 
 
 class ResultCode(Enum):
@@ -72,19 +72,13 @@ class Tolerances:
 
 
 def default_tolerances(
-    joint_names: Sequence[str], path: FloatArray | None = None, goal: FloatArray | None = None,
-    goal_time: float = DEFAULT_GOAL_TIME,
+    joint_names: Sequence[str], goal: FloatArray | None = None,
 ) -> Tolerances:
-    """Return tolerances (n,) with 0 meaning none; by default only those of the goal."""
+    """Return tolerances of the `goal` (n,) only, 0 for none."""
     n = len(joint_names)
-
-    def bound(values: FloatArray | None, default: float) -> FloatArray:
-        found = np.full(n, default) if values is None else values
-        return np.where(found > 0.0, found, math.inf)
-
-    return Tolerances(
-        bound(path, 0.0), np.full(n, math.inf), bound(goal, DEFAULT_GOAL_TOLERANCE),
-        np.full(n, math.nan), goal_time if goal_time > 0.0 else math.inf)
+    goal = np.full(n, DEFAULT_GOAL_TOLERANCE) if goal is None else goal
+    none = np.full(n, math.inf)
+    return Tolerances(none, none, np.where(goal > 0.0, goal, math.inf), np.full(n, math.nan))
 
 
 class GoalFeedback(NamedTuple):

@@ -38,9 +38,6 @@ FORMER_NAMES = {
     'effort_scale': 'effort_limit_fraction',
     'friction.effort_offset': 'friction.effort_bias',
     'friction.load': 'friction.load_coefficient',
-    'position_fault_margin': 'position_limit_tolerance',
-    'position_margin': 'position_limit_margin',
-    'soften_gains': 'scale_gains',
     'uncertainty.effort_noise': 'uncertainty.noise_deviation',
 }
 """Former names of parameters, which are still accepted, and the names that replace them."""

@@ -19,7 +19,7 @@ from robot_dynamics.control.laws.control_law import (
     LawInput,
     LawOutput,
 )
-from robot_dynamics.control.laws.error_feedback import ErrorFeedback, make_gains
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
 from robot_dynamics.control.laws.guiding import make_guiding
 from robot_dynamics.control.laws.impedance import make_impedance
 from robot_dynamics.control.options import ControllerOptions
@@ -60,7 +60,7 @@ def arm(request: pytest.FixtureRequest) -> ArmModel:
 
 
 def make(arm: ArmModel, name: str, **options: object) -> Controller:
-    gains = make_gains(arm.joint_names, kp=[300.0], kd=[25.0])
+    gains = Gains(np.full(arm.joint_count, 300.0), np.full(arm.joint_count, 25.0))
     impedance = make_impedance(arm.joint_names, arm.limits.effort)
     return Controller(arm, ControllerOptions(
         gains, command=name, impedance=impedance, guiding=make_guiding(arm),

@@ -275,7 +275,5 @@ def test_default_tolerances_are_those_of_the_goal_only():
     assert np.isinf(tolerances.path).all()
     assert tolerances.goal.tolist() == [0.01] * 3
     assert tolerances.goal_time == 5.0
-    given = default_tolerances(NAMES, np.array([0.0, 0.1, 0.2]), np.zeros(3), 0.0)
-    assert given.path.tolist() == [math.inf, 0.1, 0.2]
-    assert np.isinf(given.goal).all()
-    assert given.goal_time == math.inf
+    given = default_tolerances(NAMES, np.array([0.0, 0.1, 0.2]))
+    assert given.goal.tolist() == [math.inf, 0.1, 0.2]

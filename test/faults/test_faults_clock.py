@@ -24,8 +24,9 @@ from rosgraph_msgs.msg import Clock
 GROUP = 'Clocks'
 RATE = 200.0
 """`effort_rate_limit` of the node [N·m/s]: a step of the command would far exceed it."""
-PARAMETERS = {'use_sim_time': True, 'scale_gains': False, 'effort_rate_limit': RATE}
-"""At this rate limit, gain scaling would reduce the feedback below what the tests detect."""
+PARAMETERS = {
+    'use_sim_time': True, 'gains.natural_frequency': [5.0], 'effort_rate_limit': RATE}
+"""With gains that late states do not lower."""
 JUMP = 50.0
 """Jump of /clock, forwards or backwards [s]."""
 
@@ -90,7 +91,7 @@ def bench(client: RosClient) -> Iterator[Bench]:
 def follow(bench: FaultBench) -> np.ndarray:
     """Let the node follow a near pose; return the steady command for that pose."""
     bench.check_alive()
-    bench.set_point([bench.driver.q[0] + 0.01, bench.driver.q[1]])
+    bench.set_point([bench.driver.q[0] + 0.1, bench.driver.q[1]])
     bench.efforts.wait_for(lambda m: abs(m.effort[0] - G[0]) > 10.0)
     return steady_effort(bench)
 

@@ -177,7 +177,7 @@ def other(client: RosClient, file: Path) -> Iterator[LifecycleBench]:
     """Return a node that is not configured, with a file and gains that a test corrects."""
     with lifecycle_bench(client, '/faults_corrected', {
             **PARAMETERS, 'autostart': False, 'robot_description_file': str(file),
-            'joints': NAMES, 'gains.kp': [1.0] * 3}) as one:
+            'joints': NAMES, 'gains.natural_frequency': [1.0] * 3}) as one:
         yield one
 
 
@@ -198,9 +198,10 @@ def test_what_fails_and_is_corrected(client, file, other):
     check_no_model(other)
     file.write_text(ARM, encoding='utf-8')
     assert not other.change(CONFIGURE)
-    other.node.wait_for_log(r'Not configured: gains\.kp has 3 values, expected 2')
+    other.node.wait_for_log(r'Not configured: gains\.natural_frequency has 3 values, expected 2')
     assert other.state() == 'unconfigured'
-    client.set_parameters('/faults_corrected/dynamics', {'gains.kp': [100.0, 100.0]})
+    client.set_parameters(
+        '/faults_corrected/dynamics', {'gains.natural_frequency': [10.0, 10.0]})
     assert other.change(CONFIGURE)
     other.check_answers()
     other.check_silent()

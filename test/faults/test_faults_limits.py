@@ -4,16 +4,16 @@
 """The limit of the effort, which changes the command."""
 
 from fault_bench import figure_of, Q
-from fault_stimuli import check_rate, DIRECT, NO_STREAM, wait_effort
+from fault_stimuli import check_rate, NO_STREAM, UNFOLLOWED, wait_effort
 from fault_table import fault
 import numpy as np
 
 GROUP = 'Limits'
 EFFORT = 150.0, 60.0
 """Effort limits [N·m]."""
-STIFF = {'gains.kp': [1e4], 'gains.kd': [20.0]}
-"""Gains that request more than the effort limit at 0.2 rad of error, at any velocity."""
-BENCH = {'parameters': {**NO_STREAM, **DIRECT}}
+STIFF = {'gains.natural_frequency': [100.0]}
+"""A gain that requests more than the effort limit at 0.2 rad of error, at any velocity."""
+BENCH = {'parameters': {**NO_STREAM, **UNFOLLOWED}}
 
 
 @fault(GROUP, 'a reference that needs more than the effort limit; then `effort_limit_fraction` is '

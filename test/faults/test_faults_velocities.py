@@ -34,7 +34,7 @@ def wrong(message: JointState) -> JointState:
 
 
 BENCH = {'parameters': {
-    'following_error_limit': [0.0], 'scale_gains': False, 'gains.natural_frequency': [5.0]}}
+    'following_error_limit': [0.0], 'gains.natural_frequency': [5.0]}}
 """The arm does not follow its commands, and these stay within the effort limits."""
 
 

@@ -105,7 +105,7 @@ def calls() -> list[Call]:
         Call('set_payload', {}, succeeds),
         Call('set_parameters', setting(FRACTION, 0.9), set_is(True)),
         Call('set_parameters', setting(FRACTION, NAN), set_is(False)),
-        Call('set_parameters', setting('gains.kp', [1.0] * 7), set_is(False)),
+        Call('set_parameters', setting('gains.natural_frequency', [1.0] * 7), set_is(False)),
         Call('set_parameters', setting('no_such', 1), set_is(False)),
         Call('get_parameters', {'names': parameters},
              lambda response: len(response.values) == len(parameters)),

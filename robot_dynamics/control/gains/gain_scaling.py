@@ -293,9 +293,3 @@ def longest_period(gains: LoopGains) -> float:
     with np.errstate(divide='ignore', invalid='ignore'):
         delay = np.where(gains.crossover > 0.0, gains.lag / gains.crossover, math.inf)
     return max(2.0 * (float(delay.min(initial=math.inf)) - LOOP_DELAY), 0.0)
-
-
-def slowest_rate(gains: LoopGains) -> float:
-    """Return the rate of the joint states [Hz] below which these gains are lowered, 0: no rate."""
-    period = longest_period(gains)
-    return 1.0 / period if period > 0.0 else math.inf

@@ -28,11 +28,13 @@ from robot_dynamics.arrays import FloatArray, wrap_angle, wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Segment
-from robot_dynamics.validation import check_per_joint, is_empty, LARGEST_VALUE
+from robot_dynamics.validation import check_per_joint, LARGEST_VALUE
 
 DEFAULT_NATURAL_FREQUENCY = 20.0
 """[rad/s]"""
 DEFAULT_DAMPING_RATIO = 1.0
+LEAST_DAMPING = 0.3
+"""Damping ratio below which a tracking error oscillates for several periods."""
 LEAST_RATIO = 0.5
 """Damping ratio of scaled gains, at least, unless K_d would have to exceed that without scale."""
 
@@ -62,28 +64,20 @@ def make_gains(
     joint_names: Sequence[str],
     natural_frequency: npt.ArrayLike = DEFAULT_NATURAL_FREQUENCY,
     damping_ratio: npt.ArrayLike = DEFAULT_DAMPING_RATIO,
-    kp: npt.ArrayLike = (),
-    kd: npt.ArrayLike = (),
 ) -> Gains:
     """
-    Return gains from ω [rad/s] and ζ per joint (K_p = ω², K_d = 2 ζ ω), or from K_p and K_d.
+    Return gains from ω [rad/s] and ζ per joint: K_p = ω², K_d = 2 ζ ω.
 
-    Each is one number for all joints, or one value per joint; `kp` and `kd` take precedence if
-    they are given. Raises InvalidInputError for another number of values, for a negative value or
-    one beyond LARGEST_VALUE, for a K_p without damping (K_d = 0), and for a K_d so small that
-    K_p/K_d exceeds LARGEST_VALUE.
+    Each is one number for all joints, or one value per joint. Raises InvalidInputError for another
+    number of values, a negative value or one beyond LARGEST_VALUE, and a ζ below LEAST_DAMPING.
     """
     omega = per_joint('gains.natural_frequency', natural_frequency, joint_names)
     zeta = per_joint('gains.damping_ratio', damping_ratio, joint_names)
-    gains = Gains(
-        per_joint('gains.kp', kp, joint_names) if not is_empty(kp) else omega**2,
-        per_joint('gains.kd', kd, joint_names) if not is_empty(kd) else 2.0 * zeta * omega)
-    for name, K_p, K_d in zip(joint_names, gains.kp, gains.kd):
-        if K_p > LARGEST_VALUE * K_d:
-            raise InvalidInputError(
-                f'gains.kd of {name!r} is {K_d:g} with gains.kp {K_p:g}, expected damping: at '
-                f'least 1/{LARGEST_VALUE:g} of gains.kp, or gains.damping_ratio above 0')
-    return gains
+    if (zeta < LEAST_DAMPING).any():
+        raise InvalidInputError(
+            f'gains.damping_ratio is {zeta.tolist()}, expected at least {LEAST_DAMPING:g}: the '
+            'tracking error would oscillate')
+    return Gains(omega**2, 2.0 * zeta * omega)
 
 
 def per_joint(field: str, value: npt.ArrayLike, joint_names: Sequence[str]) -> FloatArray:

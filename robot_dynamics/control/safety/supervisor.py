@@ -214,9 +214,9 @@ class CommandSupervisor:
         follows a reference.
         """
         names, limits = self.joint_names, self.limiter.limits
-        beyond = beyond_a_limit(names, limits, self.options.fault_margin, q)
+        beyond = beyond_a_limit(names, limits, q)
         self.was_inside = self.was_inside or beyond is None
-        other = too_fast(names, limits, self.options.overspeed, v) or fault
+        other = too_fast(names, limits, v) or fault
         cause = beyond or other
         if cause is None and self.mode is Mode.RUNNING and (
                 now - self.last_state > self.options.state_timeout):

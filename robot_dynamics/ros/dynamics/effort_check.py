@@ -23,10 +23,8 @@ class EffortCheck:
     The thread of the control path calls `look`; any thread may call `status`.
     """
 
-    def __init__(
-        self, node: Node, arm: ArmModel, convention: EffortConvention, wanted: bool,
-    ) -> None:
-        """Finish at once if the check is disabled or there is no measured effort."""
+    def __init__(self, node: Node, arm: ArmModel, convention: EffortConvention) -> None:
+        """Finish at once if there is no measured effort."""
         self._node, self._names, self._convention = node, arm.joint_names, convention
         self._check = gravity_check.GravityCheck(
             convention, arm.friction, arm.actuators, arm.is_continuous, arm.drive)
@@ -35,19 +33,13 @@ class EffortCheck:
         self._verdict: gravity_check.GravityVerdict | None = None
         self._words = gravity_check.STILL
         self.done = False
-        if not wanted:
-            self._finish('off')
-        elif convention.measured_effort == 'none':
+        if convention.measured_effort == 'none':
             self._finish(f"{gravity_check.NO_EFFORT} (measured_effort is 'none')")
 
-    def needs(self, message: SensedState) -> bool:
-        """Return whether the check needs this state: it runs, and the state has efforts."""
-        if self.done:
-            return False
-        if message.layout.effort.start == message.layout.effort.stop:
+    def lack_effort(self) -> None:
+        """Note that the joint states have no effort."""
+        if not self.done:
             self._wait(f'{gravity_check.NO_EFFORT} in the joint states')
-            return False
-        return True
 
     def add_state(
         self, reader: JointStateReader, message: SensedState, q: FloatArray,

@@ -203,8 +203,8 @@ class StateReport:
             level, words = WARN, 'none arrive'
             if counters.missing:
                 level, words = ERROR, (
-                    f'incomplete: no samples of {list(counters.missing)} that are new enough '
-                    '(joint_sample_max_age)')
+                    f'incomplete: no samples of {list(counters.missing)} that are at most half '
+                    'a period old')
         offset = 0.0 if loop is None else loop.gate.plausibility.clock_offset
         if offset > 0.0:
             level, words = max(level, WARN), f'{words}; {_other_clock(offset)}'

@@ -69,7 +69,7 @@ def play_recording(
             'joints': joints,
             'command': 'gravity_compensation',  # a recorded arm cannot be held
             'state_max_age': 0.0,  # a recording may have any age
-            'effort_check': False})  # no command of this node held the recorded arm
+            'measured_effort': 'none'})  # no command of this node held the recorded arm
         playback = Playback(session, series)
         session.wait_for(lambda: playback.found, f'a subscriber of {Session.JOINT_STATES}')
         print('Playing the recorded states, each after the response to the state before ...',

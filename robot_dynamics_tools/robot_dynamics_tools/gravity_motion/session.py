@@ -43,9 +43,6 @@ TRANSITION = 3.0
 """[s] over which the node changes the compensation of the weight."""
 RECORDED = ('effort_command', '~/reference', '~/payload')
 """The recorded topics in addition to the joint states and the URDF."""
-NEEDED = {'command': 'computed_torque', 'condition_references': True}
-"""Parameters of the node without which the arm does not move, or not smoothly."""
-
 FRICTION_COMPENSATION = 'friction_compensation'
 """
 The parameter of the node that is `none` during the holds.
@@ -282,12 +279,11 @@ class CalibrationMotion:
 
 def _check_node(client: DynamicsClient, arm: ArmModel, measured_effort: str) -> None:
     """Raise InvalidInputError unless the node moves this arm, and measures what is expected."""
-    found = client.parameters([*NEEDED, 'measured_effort', 'gravity'])
-    for name, wanted in NEEDED.items():
-        if found[name] != wanted:
-            raise InvalidInputError(
-                f'parameter {name} of {client.name} is {found[name]!r}, expected {wanted!r}: the '
-                'node moves the arm through conditioned references')
+    found = client.parameters(['command', 'measured_effort', 'gravity'])
+    if found['command'] != 'computed_torque':
+        raise InvalidInputError(
+            f'parameter command of {client.name} is {found["command"]!r}, expected '
+            "'computed_torque', with which the node moves the arm")
     if found['measured_effort'] in WITHOUT_GRAVITY:
         raise InvalidInputError(
             f'parameter measured_effort of {client.name} is {found["measured_effort"]!r}, '

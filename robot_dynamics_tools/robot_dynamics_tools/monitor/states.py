@@ -42,9 +42,8 @@ class StateInput:
     def __init__(self, model: Followed, has_several_publishers: Callable[[], bool]) -> None:
         """`has_several_publishers` returns whether joint_states has several publishers."""
         self._model, self._has_several_publishers = model, has_several_publishers
-        arm, values = model.arm, model.values
-        self._assembly = StateAssembly(
-            arm.joint_names, values['joint_sample_max_age'], model.is_embedded)
+        arm = model.arm
+        self._assembly = StateAssembly(arm.joint_names, model.is_embedded)
         self._reader = JointStateReader(arm.joint_names)
         self._dropped: Counter[str] = Counter()
         self._last_drop = ''
@@ -55,7 +54,6 @@ class StateInput:
         """Continue with other loads, gravity or ages of the same arm."""
         self._model = model
         self._gate.plausibility.max_age = model.values['state_max_age']
-        self._assembly.max_age = model.values['joint_sample_max_age']
 
     def rest(self) -> None:
         """Treat the next state as a first one."""

@@ -9,6 +9,7 @@ import numpy as np
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
@@ -49,21 +50,21 @@ class Teleoperation:
         self._trajectories.follow('set-point', read, info)
 
     def _feel(self, message: JointState) -> None:
-        effort = self._efforts(message)
-        deviation, loop = self._deviation, self._path.loop
+        loop, effort = self._efforts(message)
+        deviation = self._deviation
         if deviation is not None and len(deviation) == len(effort):
             effort = np.sign(effort) * np.maximum(np.abs(effort) - DEVIATIONS * deviation, 0.0)
-        if loop is not None:
-            loop.set_force_feedback(effort)
+        loop.set_force_feedback(effort)
 
     def _take_deviation(self, message: JointState) -> None:
-        self._deviation = np.abs(self._efforts(message))
+        self._deviation = np.abs(self._efforts(message)[1])
 
-    def _efforts(self, message: JointState) -> FloatArray:
+    def _efforts(self, message: JointState) -> tuple[ControlLoop, FloatArray]:
+        """Return the loop that is served, and the efforts (n,) of its joints."""
         loop = self._path.loop
         if loop is None:
             raise InvalidInputError('no model yet: no force can be felt')
-        return _values(loop.controller.arm.joint_names, message, 'effort')
+        return loop, _values(loop.controller.arm.joint_names, message, 'effort')
 
     def _refuse(self, error: Exception) -> None:
         self._node.get_logger().error(
