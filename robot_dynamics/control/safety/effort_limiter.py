@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics.control.gate import DECAY
+from robot_dynamics.control.laws.error_feedback import DEFAULT_NATURAL_FREQUENCY
 
 POSITION_MARGIN = 0.01
 """[rad] or [m] before a position limit from which no effort accelerates the joint towards it."""
@@ -149,7 +149,7 @@ class EffortLimiter:
             M, passive = (np.eye(len(q)), np.zeros_like(q)) if equation is None else (
                 equation(q, v))
             a = np.linalg.solve(M, effort - still - passive)
-            braking = -DECAY * v  # of a joint that moves away from a limit
+            braking = -DEFAULT_NATURAL_FREQUENCY * v  # of a joint that moves away from a limit
             by_position = ((a > np.maximum(braking, 0.0)) & (q > limits.soft_upper)) | (
                 (a < np.minimum(braking, 0.0)) & (q < limits.soft_lower))
             by_velocity = (np.abs(v) > limits.velocity) & (a * v > 0.0)
