@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 import math
 import threading
+from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -19,10 +20,12 @@ from robot_dynamics.control.control_output import ControlOutput, non_finite_effo
 from robot_dynamics.control.followed_reference import FollowedReference, LastState, Prepared
 from robot_dynamics.control.gains.gain_scaling import StableGains
 from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
+from robot_dynamics.control.laws.law_parameter import LawTopic
+from robot_dynamics.control.laws.law_table import NO_COMMAND
 from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_bounds import EffortBounds, NOTHING, robot_effort
-from robot_dynamics.control.scaled_laws import NO_COMMAND, ScaledLaws
+from robot_dynamics.control.scaled_laws import ScaledLaws
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
@@ -220,10 +223,16 @@ class Controller:
                 self.load.begin_gravity_change(load, rate)
                 self._limit_motion()
 
-    def feel(self, external: FloatArray) -> None:
-        """Let the law without a reference feel an external effort (n,) from the last state on."""
-        if self.state is not None:
-            self.laws.at_rest.feel(external, self.state[0])
+    @property
+    def law(self) -> ControlLaw:
+        """The law that `options.command` names."""
+        return self.laws.law
+
+    def deliver(self, topic: LawTopic, message: Any) -> None:
+        """Let the law take a message of a topic, between two states, if the topic is its own."""
+        with self.lock:
+            if topic in self.law.TOPICS:
+                topic.take(self.law, message)
 
     def __repr__(self) -> str:
         following = 'no reference' if self.trajectory is None else 'following a reference'

@@ -28,6 +28,7 @@ from robot_dynamics.control.endings import Endings
 from robot_dynamics.control.gate import Gate, Signals
 from robot_dynamics.control.goal_execution import GoalExecution
 from robot_dynamics.control.laws.control_law import ControlLaw
+from robot_dynamics.control.laws.law_table import NO_COMMAND
 from robot_dynamics.control.options import (
     ControllerOptions,
     default_limits,
@@ -40,7 +41,6 @@ from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.control.safety.faults import Fault, FOLLOWING_ERROR
 from robot_dynamics.control.safety.motion_checks import frozen_joint
 from robot_dynamics.control.safety.supervisor import Brake, CommandSupervisor, Mode
-from robot_dynamics.control.scaled_laws import NO_COMMAND
 from robot_dynamics.control.trajectory_goal import Tolerances, TrajectoryGoal
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.monitoring.state_plausibility import (
@@ -193,11 +193,6 @@ class ControlLoop:
         TrajectoryError if the trajectory cannot be followed, or not within its own time.
         """
         return self.goals.execute(trajectory, stamp_ns, tolerances, when_done)
-
-    def set_force_feedback(self, external: FloatArray) -> None:
-        """Let `hand_guiding` feel the external effort (n,) of a follower for 50 ms."""
-        with self.lock:
-            self.controller.feel(external)
 
     @property
     def obstacle(self) -> str:

@@ -7,46 +7,14 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.gains.gain_scaling import loop_gains, LoopGains, StableGains
 from robot_dynamics.control.gains.oscillation import Oscillation
-from robot_dynamics.control.laws.cartesian_impedance import CartesianImpedance
 from robot_dynamics.control.laws.computed_torque import ComputedTorque
-from robot_dynamics.control.laws.control_law import (
-    ControlLaw,
-    further_laws,
-    GravityCompensation,
-    LawFactory,
-    load_law,
-)
+from robot_dynamics.control.laws.control_law import ControlLaw, GravityCompensation
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
-from robot_dynamics.control.laws.hand_guiding import HandGuiding
-from robot_dynamics.control.laws.joint_impedance import JointImpedance
+from robot_dynamics.control.laws.law_table import all_laws, law_named, law_options, NO_COMMAND
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.references.motion_limits import WorkspaceInertia
-
-LAWS: dict[str, LawFactory] = {
-    'cartesian_impedance': CartesianImpedance,
-    'computed_torque': ComputedTorque,
-    'gravity_compensation': GravityCompensation,
-    'hand_guiding': HandGuiding,
-    'joint_impedance': JointImpedance,
-}
-"""The control laws of this package, by the values of the parameter `command`."""
-NO_COMMAND = 'none'
-
-
-def command_modes() -> tuple[str, ...]:
-    """Return the values of the parameter `command`: all laws, and `none`."""
-    return (*LAWS, *sorted(further_laws().keys() - LAWS.keys()), NO_COMMAND)
-
-
-def _make_law(feedback: ErrorFeedback, options: ControllerOptions) -> ControlLaw:
-    if options.command in LAWS:
-        return LAWS[options.command](feedback, options)
-    if options.command not in further_laws():
-        raise InvalidInputError(
-            f'command is {options.command!r}, expected one of {list(command_modes())}')
-    return load_law(options.command)(feedback, options)
 
 
 class ScaledLaws:
@@ -70,8 +38,15 @@ class ScaledLaws:
         self.feedback = ErrorFeedback(
             options.gains, arm.joint_kinds, options.largest_error(arm.limits.velocity))
         gravity = GravityCompensation(self.feedback, options)
-        law = gravity if options.command == NO_COMMAND else (
-            _make_law(self.feedback, options) if given is None else given)
+        if options.command == NO_COMMAND:
+            law: ControlLaw = gravity
+        elif given is not None:
+            law = given
+        else:
+            factory = law_named(options.command)
+            law = factory(self.feedback, law_options(factory, arm, options))
+        self.law = law
+        """The law that `options.command` names."""
         self.follows = law.follows
         """Whether the law follows references."""
         self.holds = law.follows and options.stops_and_holds
@@ -92,8 +67,7 @@ class ScaledLaws:
     def check_follows(self) -> None:
         """Raise TrajectoryError if the law does not follow references."""
         if not self.follows:
-            names = [name for name in command_modes()
-                     if name not in ('gravity_compensation', 'hand_guiding', NO_COMMAND)]
+            names = [name for name, law in all_laws().items() if getattr(law, 'follows', True)]
             raise TrajectoryError(
                 f'command is {self._options.command!r}, expected '
                 f'{" or ".join(map(repr, names))} to follow a reference')

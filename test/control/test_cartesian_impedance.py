@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
-from robot_dynamics.control.laws.cartesian import make_cartesian
 from robot_dynamics.control.laws.cartesian_impedance import CartesianImpedance
 from robot_dynamics.control.laws.control_law import LawInput
 from robot_dynamics.control.loop import ControlLoop
@@ -18,6 +17,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.task_space import TaskSpace
+from robot_dynamics.task_space.frame_kinematics import last_link
 
 REGULAR = 0.15
 """Smallest singular value of a regular pose, with 0.25 m as unit of length."""
@@ -27,9 +27,12 @@ few = settings(max_examples=12)
 
 
 def law_of(arm: ArmModel, **options: object) -> CartesianImpedance:
-    loop = ControlLoop.of_arm(
-        arm, command='cartesian_impedance', cartesian=make_cartesian(arm, **options))
-    return CartesianImpedance(loop.controller.laws.feedback, loop.controller.options)
+    parameters = {f'cartesian.{name}': value for name, value in options.items()}
+    law = ControlLoop.of_arm(
+        arm, command='cartesian_impedance', parameters=parameters).controller.law
+    assert isinstance(law, CartesianImpedance)
+    law.scale_gains(np.ones(arm.joint_count))
+    return law
 
 
 def random_pose(arm: ArmModel, seed: int) -> np.ndarray:
@@ -50,7 +53,7 @@ def test_the_frame_has_the_stiffness_and_the_posture_does_not_move_it(robot, see
     arm = rotored(smooth_arm(robot), 5.0)
     q, kt = random_pose(arm, seed), [300.0, 500.0, 700.0]
     law = law_of(arm, translation_stiffness=kt)
-    state = TaskSpace(arm, make_cartesian(arm).frame).at(q)
+    state = TaskSpace(arm, last_link(arm)).at(q)
     if not is_regular(state.jacobian):
         return
     J, M = state.jacobian, state.mass_matrix
@@ -160,7 +163,7 @@ def test_the_springs_extend_by_a_tenth_of_a_metre_and_half_a_radian():
         arm), np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
     law._K, law._D = law.gains(dynamics, q)
     state = LawInput(dynamics, 0, q, 0.0 * q, q, None, law._reference)
-    J = TaskSpace(arm, make_cartesian(arm).frame).at(q).jacobian
+    J = TaskSpace(arm, last_link(arm)).at(q).jacobian
     _, _, Vt = np.linalg.svd(J)
     for direction, longest in (
             (np.linalg.pinv(J)[:, 0], 0.1), (np.linalg.pinv(J)[:, 4], 0.5), (Vt[6], 0.5)):
@@ -233,4 +236,4 @@ def test_a_push_does_not_move_a_joint_past_its_limit():
     ('torque_limit', float('inf')), ('frame', 'no_link')])
 def test_a_wrong_option_is_named(field, value):
     with pytest.raises(InvalidInputError, match=f'cartesian.{field}'):
-        make_cartesian(smooth_arm('default'), **{field: value})
+        law_of(smooth_arm('default'), **{field: value})

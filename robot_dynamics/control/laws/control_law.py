@@ -4,27 +4,24 @@
 """
 The interface of control laws, and the simplest law: gravity compensation.
 
-A law states its effort and its closed loop. Everything else is common to all laws and is done by
-the controller: scaling of the gains, effort limits, efforts that the robot adds on its own,
-references, stops, faults.
+A law states its effort and its closed loop, its parameters and its topics. Everything else is
+common to all laws and is done by the controller: scaling of the gains, effort limits, efforts that
+the robot adds on its own, references, stops, faults.
 """
 
-from collections.abc import Callable, Mapping
-from functools import cache, partial
-from importlib import metadata
-from typing import Any, ClassVar, NamedTuple
+from collections.abc import Callable
+from functools import partial
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
-from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.control.laws.law_parameter import LawParameter, LawTopic
+from robot_dynamics.control.options import ControllerOptions, LawOptions
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
 from robot_dynamics.references.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
-
-ENTRY_POINTS = 'robot_dynamics.control_laws'
-"""Group of the entry points of further laws."""
 
 
 class LawInput(NamedTuple):
@@ -104,10 +101,29 @@ class ControlLaw:
 
     follows: ClassVar[bool] = True
     """Whether the law follows references."""
+    PARAMETERS: ClassVar[tuple[LawParameter, ...]] = ()
+    """Parameters that the node declares for the law; a new value makes a new law."""
+    TOPICS: ClassVar[tuple[LawTopic, ...]] = ()
+    """Topics whose messages `take(law, message)` gets between two states, while it is in use."""
+    REFERENCES: ClassVar[tuple[LawTopic, ...]] = ()
+    """Topics of which `take(controller, message)` returns the trajectory that the node follows."""
     bounces: bool = False
     """Whether the arm bounces off a surface: the changes of its velocity are no noise."""
     scale: FloatArray | float = 1.0
     """Factors s (n,) of the bandwidth, set by the controller: stiffness s² K, damping s D."""
+
+    @classmethod
+    def options(cls, arm: ArmModel, options: ControllerOptions) -> LawOptions:
+        """
+        Return the options for an arm with which the law is made.
+
+        Raises InvalidInputError for a wrong value of a parameter.
+        """
+        given = options.parameters
+        values = {
+            one.name: one.checked(given.get(one.name, one.default), arm.joint_names)
+            for one in cls.PARAMETERS}
+        return LawOptions(**{**vars(options), 'parameters': values, 'arm': arm})
 
     def effort(self, state: LawInput) -> FloatArray:
         """Return the effort (n,) [N·m] or [N] for a state; multiply gains by s² and s."""
@@ -129,10 +145,6 @@ class ControlLaw:
         """Scale the bandwidth by these factors (n,) in (0, 1] from now on."""
         self.scale = scale
 
-    def feel(self, external: FloatArray, stamp_ns: int) -> None:
-        """Take the external effort (n,) [N·m] or [N] of a follower at a stamp."""
-        return
-
     def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:
         """
         Take the rate limit of the effort, which a law may regard for large errors.
@@ -148,10 +160,6 @@ class ControlLaw:
         return LawOutput(
             effort, partial(_terms_of_effort, state, effort), np.zeros_like(effort),
             state.exceeds_limit)
-
-
-LawFactory = Callable[[ErrorFeedback, ControllerOptions], ControlLaw]
-"""Makes a law with the gains of the options; a class of laws is one."""
 
 
 def _terms_of_effort(state: LawInput, effort: FloatArray) -> EffortTerms:
@@ -181,23 +189,6 @@ class GravityCompensation(ControlLaw):
             state.dynamics, state.q, self._zero, self._zero, self._zero, gravity)
         return terms._replace(
             kinetic_energy=state.dynamics.rigid_body.kinetic_energy(state.q, state.v))
-
-
-@cache
-def further_laws() -> Mapping[str, Any]:
-    """Return the entry points of laws in other packages, by name."""
-    return {one.name: one for one in metadata.entry_points(group=ENTRY_POINTS)}
-
-
-def load_law(name: str) -> LawFactory:
-    """Return the law of an entry point; raise InvalidInputError if it cannot be imported."""
-    try:
-        factory: LawFactory = further_laws()[name].load()
-    except Exception as error:  # any error of another package
-        raise InvalidInputError(
-            f'command is {name!r}, but the control law of that entry point cannot be loaded: '
-            f'{error!r}') from error
-    return factory
 
 
 def equation_terms(

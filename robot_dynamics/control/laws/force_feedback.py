@@ -15,6 +15,8 @@ takes out of the tank what it gives, and ends when the tank is empty.
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 
+LIMIT_SHARE, UNLIMITED = 0.25, 1.0
+"""The largest force by the effort limit, and of a joint without one [N·m] or [N]."""
 RETURNED = 0.5
 """The rest covers the energy that a force gives while it acts late."""
 RESERVE_WAY = 0.05
@@ -24,10 +26,13 @@ DELAY = 0.016
 
 
 class ForceFeedback:
-    """The force of n joints, at most `limit` (n,) [N·m] or [N]."""
+    """The force of n joints."""
 
-    def __init__(self, gain: FloatArray, limit: FloatArray) -> None:
-        self._gain, self._limit = gain, limit
+    def __init__(self, gain: FloatArray, effort_limit: FloatArray) -> None:
+        """`effort_limit` (n,) [N·m] or [N] is infinite for no limit."""
+        self._gain = gain
+        self._limit = np.where(
+            np.isfinite(effort_limit), LIMIT_SHARE * effort_limit, UNLIMITED)
         self.restart()
 
     def restart(self) -> None:

@@ -42,6 +42,7 @@ on average (`gain_scaling`): late gravity is negative damping, and accelerates l
 
 from functools import partial
 import math
+from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -49,13 +50,24 @@ from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
 from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.force_feedback import ForceFeedback
-from robot_dynamics.control.laws.guiding import LARGEST_SHARE
+from robot_dynamics.control.laws.law_parameter import LawParameter, LawTopic
 from robot_dynamics.control.laws.rate_limited_feedback import REVERSAL_TIME
-from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.control.options import LawOptions
 from robot_dynamics.joints.friction import JointFriction
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import EffortTerms
+from robot_dynamics.validation import check_named, LARGEST_VALUE
 
+LARGEST_SHARE = 0.7
+"""λ, of friction that is compensated; below 1 of friction given 1.4 times too large."""
+SPEED_SHARE = 0.5
+"""Default speed limit, by the velocity limit."""
+USUAL_SPEED, USUAL_TURN = 0.25, 1.0
+"""Largest default speed limit of prismatic joints [m/s], and of others [rad/s]."""
+ROTOR = 200.0
+"""Effort limit by the usual rotor [rad/s²] or [m/s²]: 145 at a Panda, 330 at a UR10."""
+DEVIATIONS = 2.0
+"""Standard deviations by which the force of a follower is reduced: they may be none."""
 INERTIA = 0.6
 """σ: M' by the true one, at least. A hand that slows the arm feels at most M' q̈ (1/σ − 1)."""
 CAPACITY = 0.03
@@ -88,24 +100,59 @@ class HandGuiding(ControlLaw):
     """The law τ = g + α τ_f + M K_d (q̇_a − q̇) + f, without a reference."""
 
     follows = False
+    PARAMETERS = (
+        LawParameter('hand_guiding.friction_share', (0.6,), (
+            'Share of friction that hand_guiding compensates; one value for all joints or one per '
+            'joint.'), maximum=LARGEST_SHARE),
+        LawParameter('hand_guiding.speed', (), (
+            'Speed [rad/s] or [m/s] above which hand_guiding brakes a joint; one value for all '
+            'joints or one per joint. If empty, half of the velocity limit, at most 1 rad/s or '
+            '0.25 m/s.'), maximum=1e8),
+        LawParameter('hand_guiding.feedback_gain', (0.3,), (
+            'Share of the effort on ~/force_feedback that hand_guiding lets feel; one value for '
+            'all joints or one per joint.'), maximum=0.5),
+    )
 
-    def __init__(self, feedback: ErrorFeedback, options: ControllerOptions) -> None:
-        """Raise InvalidInputError if the options contain no guiding."""
-        if options.guiding is None:
-            raise InvalidInputError(
-                'guiding is not given, expected that of make_guiding for hand_guiding')
-        self._guiding, self._gains = options.guiding, feedback.gains
-        self._feedback = ForceFeedback(self._guiding.feedback_gain, self._guiding.feedback_limit)
+    def __init__(self, feedback: ErrorFeedback, options: LawOptions) -> None:
+        share, speed, gain = options.parameters.values()
+        arm, limits = options.arm, options.arm.limits
+        self._names, self._gains, self._share = arm.joint_names, feedback.gains, share
+        self._speed = _usual_speed(arm) if speed is None else speed
+        self._lower, self._upper = np.clip(
+            (limits.lower, limits.upper), -LARGEST_VALUE, LARGEST_VALUE)
+        is_limited = np.isfinite(limits.effort)
+        self._rotors = np.where(
+            is_limited & (arm.reflected_inertia == 0.0), limits.effort / ROTOR, 0.0)
+        self._feedback = ForceFeedback(gain, limits.effort)
         self._last: tuple[int, FloatArray] | None = None
-        self._zero = np.zeros(len(self._gains.kp))
+        self._zero = np.zeros(arm.joint_count)
         self._reversible = 0.5 * REVERSAL_TIME * np.asarray(options.effort_rate)
-        self._z = self._v = self._way = self._external = self._added = self._zero
+        self._z = self._v = self._way = self._added = self._zero
+        self._external = self._deviation = self._zero
         self._energy = self._tank = self._allowed_speed = self._slowing = 0.0
         self._felt_until_ns = 0
 
-    def feel(self, external: FloatArray, stamp_ns: int) -> None:
-        """Let a person feel this effort (n,) of a follower for FEEDBACK_TIME_NS."""
-        self._external, self._felt_until_ns = external, stamp_ns + FEEDBACK_TIME_NS
+    def feel(self, external: FloatArray) -> None:
+        """Let a person feel this effort (n,) of a follower until FEEDBACK_TIME_NS from now."""
+        if self._last is not None:
+            self._external, self._felt_until_ns = external, self._last[0] + FEEDBACK_TIME_NS
+
+    def take_force(self, message: Any) -> None:
+        """Let a person feel the effort of a message JointState; raise InvalidInputError."""
+        effort = self._efforts(message)
+        least = DEVIATIONS * self._deviation
+        self.feel(np.sign(effort) * np.maximum(np.abs(effort) - least, 0.0))
+
+    def take_deviation(self, message: Any) -> None:
+        """Reduce the next forces by those of a message JointState; raise InvalidInputError."""
+        self._deviation = np.abs(self._efforts(message))
+
+    def _efforts(self, message: Any) -> FloatArray:
+        return check_named('effort', message.effort, message.name, self._names)
+
+    TOPICS = (
+        LawTopic('~/force_feedback', 'sensor_msgs/msg/JointState', take_force),
+        LawTopic('~/force_feedback_deviation', 'sensor_msgs/msg/JointState', take_deviation))
 
     def closed_loop(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return K_p and K_d, which act at a limit."""
@@ -126,7 +173,7 @@ class HandGuiding(ControlLaw):
         if not dynamics.is_frictionless:
             friction, remaining = self._friction(state, gravity, moved, dt, *allowed)
         M = dynamics.rigid_body.mass_matrix(state.q)
-        energy = 0.5 * float(v @ M @ v + self._guiding.rotors @ v**2)
+        energy = 0.5 * float(v @ M @ v + self._rotors @ v**2)
         excess = self._excess(v, energy, dynamics.friction, dt)
         friction = (1.0 - excess) * friction
         damping = excess * np.min(self.scale * self._gains.kd)
@@ -164,7 +211,7 @@ class HandGuiding(ControlLaw):
         least: FloatArray, most: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """Return the compensation of friction (n,), and the dry friction that remains (n,)."""
-        friction, alpha = state.dynamics.friction, self._guiding.friction_share
+        friction, alpha = state.dynamics.friction, self._share
         w = friction.tracking_width
         low = np.clip(least / FULL_SPEED, -1.0, 0.0)
         high = np.clip(most / FULL_SPEED, 0.0, 1.0)
@@ -221,12 +268,12 @@ class HandGuiding(ControlLaw):
 
     def _allowed(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the least and the largest allowed velocity (n,) at q."""
-        s, guiding = self.scale, self._guiding
+        s = self.scale
         with np.errstate(divide='ignore'):
             wall = np.minimum(WALL_PUSH / (s * s * self._gains.kp), LARGEST_WALL)
         beta = s * self._gains.ratio
-        return np.maximum(-guiding.speed, beta * (guiding.lower + wall - q)), np.minimum(
-            guiding.speed, beta * (guiding.upper - wall - q))
+        return np.maximum(-self._speed, beta * (self._lower + wall - q)), np.minimum(
+            self._speed, beta * (self._upper - wall - q))
 
     def _terms(
         self, state: LawInput, gravity: FloatArray, a: FloatArray, friction: FloatArray,
@@ -239,6 +286,12 @@ class HandGuiding(ControlLaw):
         terms = equation_terms(state.dynamics, state.q, self._zero, a, friction, gravity)
         return terms._replace(
             kinetic_energy=state.dynamics.rigid_body.kinetic_energy(state.q, v))
+
+
+def _usual_speed(arm: ArmModel) -> FloatArray:
+    """Return the default speed limit (n,) [rad/s] or [m/s]."""
+    largest = [USUAL_SPEED if kind == 'prismatic' else USUAL_TURN for kind in arm.joint_kinds]
+    return np.minimum(SPEED_SHARE * arm.limits.velocity, largest)
 
 
 def _slower(v: FloatArray, mean: FloatArray) -> FloatArray:

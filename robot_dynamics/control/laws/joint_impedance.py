@@ -13,21 +13,44 @@ this D, raised to 2 LEAST_RATIO Q min(Ω, Ω_c) Qᵀ and lowered to 2 Ω_c M.
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback, LEAST_RATIO
-from robot_dynamics.control.laws.modal_impedance import ModalImpedance, root_of
-from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.control.laws.law_parameter import LawParameter
+from robot_dynamics.control.laws.modal_impedance import (
+    LEAST_DAMPING_RATIO,
+    ModalImpedance,
+    root_of,
+)
+from robot_dynamics.control.options import LawOptions
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+
+FULL_EFFORT_ERROR = 0.25
+"""[rad] or [m] of error at which the default stiffness takes the effort limit of a joint."""
+UNLIMITED_STIFFNESS = 100.0
+"""Default stiffness [N·m/rad] or [N/m] of a joint without an effort limit."""
 
 
 class JointImpedance(ModalImpedance):
     """The law τ = M q̈_ref + C q̇ + g + friction + K e + D ė."""
 
-    def __init__(self, feedback: ErrorFeedback, options: ControllerOptions) -> None:
-        """Raise InvalidInputError if the options contain no impedance."""
-        if options.impedance is None:
-            raise InvalidInputError(
-                'impedance is not given, expected that of make_impedance for joint_impedance')
-        self._stiffness, ratio, self._damping = options.impedance
+    PARAMETERS = (
+        LawParameter('impedance.stiffness', (), (
+            'Stiffness [N·m/rad] or [N/m] of joint_impedance; one value for all joints or one per '
+            'joint. If empty, the effort limit of the joint per 0.25 rad or 0.25 m, 100 without '
+            'an effort limit.'), maximum=1e8),
+        LawParameter('impedance.damping_ratio', (1.0,), (
+            'Damping ratio of joint_impedance, with the inertia in the present configuration; one '
+            'value for all joints or one per joint.'), LEAST_DAMPING_RATIO, 1e4),
+        LawParameter('impedance.damping', (), (
+            'Damping [N·m·s/rad] or [N·s/m] of joint_impedance, which replaces '
+            'impedance.damping_ratio; one value for all joints or one per joint. At least half of '
+            'the critical damping acts.'), maximum=1e8),
+    )
+
+    def __init__(self, feedback: ErrorFeedback, options: LawOptions) -> None:
+        self._stiffness, ratio, self._damping = options.parameters.values()
+        if self._stiffness is None:
+            limit = options.arm.limits.effort
+            self._stiffness = np.where(
+                np.isfinite(limit), limit / FULL_EFFORT_ERROR, UNLIMITED_STIFFNESS)
         if self._damping is not None:  # between LEAST_RATIO and 1 at the largest frequency
             ratio = np.ones_like(self._stiffness)
         super().__init__(feedback, options, ratio)

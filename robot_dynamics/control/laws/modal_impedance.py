@@ -29,6 +29,8 @@ from robot_dynamics.references.follower import ActiveTrajectory
 
 LARGEST_FREQUENCY = 30.0
 """[rad/s] of the fastest mode, which a loop controls whose effort acts 8 ms late."""
+LEAST_DAMPING_RATIO = 0.2
+"""Late feedback of an error that is hardly damped oscillates."""
 LEAST_INERTIA = 1e-9
 """Share of M_jj, and [kg·m²] or [kg], added to M_jj, which can be 0 without rotors."""
 NEARBY = 0.01
