@@ -305,9 +305,10 @@ class ControlLoop:
             return LoopAnswer(None, output, verdict)
         if not verdict.is_new and not self._awaits_command:
             return LoopAnswer(supervisor.repeat(), output, verdict)
-        if output.law.exceeds_limit:
+        tracking = output.law.tracking
+        if tracking is not None and tracking.exceeds_limit:
             fault = fault or Fault(FOLLOWING_ERROR, output.state.feedback.worst_error(
-                output.state.reference.position, q, controller.arm.joint_names))
+                tracking.error, controller.arm.joint_names))
         if fault is None:
             effort = supervisor.usual(now, q, v, output.command, output.holding_effort, dt)
             if effort is not None:

@@ -40,7 +40,7 @@ class ControllerOptions:
     effort_limit_fraction: float = 1.0
     """The command is clamped to this fraction of the effort limits of the URDF."""
     friction_compensation: str = 'reference'
-    """The velocity at which computed torque compensates friction; see `error_feedback`."""
+    """The velocity at which computed torque compensates friction; see `computed_torque`."""
     effort_rate: FloatArray | float = math.inf
     """Largest rate of change of the torque [N·m/s] or [N/s], (n,) or one for all joints."""
     effort_convention: EffortConvention = EffortConvention()

@@ -9,7 +9,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from robot_dynamics.control.laws.law_parameter import LawParameter
+from robot_dynamics.control.laws.control_law import LawParameter
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.task_space.frame_kinematics import FrameKinematics, last_link

@@ -8,9 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.gains.gain_scaling import slowest_rate
-
-LEAST_DAMPING = 0.3
-"""Damping ratio below which the tracking error oscillates noticeably."""
+from robot_dynamics.control.laws.error_feedback import LEAST_RATIO
 
 
 def loop_warnings(controller: Controller) -> Iterator[str]:
@@ -19,10 +17,10 @@ def loop_warnings(controller: Controller) -> Iterator[str]:
     with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
         damping = np.where(gains.kp > 0.0, gains.kd / (2.0 * np.sqrt(gains.kp)), np.inf)
     for name, ratio in zip(controller.arm.joint_names, damping.tolist()):
-        if ratio >= LEAST_DAMPING:
+        if ratio >= LEAST_RATIO:
             continue
         yield (f'The damping ratio of {name!r} is {ratio:.2g} (gains), expected at least '
-               f'{LEAST_DAMPING:g}: its tracking error oscillates.')
+               f'{LEAST_RATIO:g}: its tracking error oscillates.')
     if not options.conditions_references:
         yield ('condition_references is false: a step of a reference causes a step of the effort, '
                'and references may exceed the limits of the arm.')

@@ -3,8 +3,13 @@
 
 """Control laws: computed torque, impedances, gravity compensation, and those of users."""
 
-from robot_dynamics.control.laws.control_law import ControlLaw, LawInput, LawOutput
-from robot_dynamics.control.laws.law_parameter import LawParameter, LawTopic
+from robot_dynamics.control.laws.control_law import (
+    ControlLaw,
+    LawInput,
+    LawOutput,
+    LawParameter,
+    LawTopic,
+)
 from robot_dynamics.control.laws.law_table import LAWS
 
 __all__ = ['ControlLaw', 'LawInput', 'LawOutput', 'LawParameter', 'LawTopic', 'LAWS']

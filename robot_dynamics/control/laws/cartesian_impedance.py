@@ -22,8 +22,8 @@ A K Aᵀ + ω_n² N = V Ω² Vᵀ contains the double diagonalisation of Λ and 
 because Λ⁻¹ = AᵀA, and the same for the posture. D = 2 ζ L V min(Ω, Ω_c) Vᵀ Lᵀ with
 Ω ≥ LEAST_FREQUENCY damps each direction for itself, and C = L V min(1, Ω_c²/Ω²) Vᵀ L⁻¹ slows down
 the fast ones. A joint that approaches a position limit faster than its reference, and faster than
-the limit is away, is braked, and so is one that is faster than its reference and than SPEED_SHARE
-of its velocity limit (`_braked`). While the arm bounces off a surface, the approach is not damped
+the limit is away, is braked, and so is one that is faster than its reference and than references
+may be (`_braked`). While the arm bounces off a surface, the approach is not damped
 (`bounce`).
 """
 
@@ -32,18 +32,14 @@ from dataclasses import replace
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws.bounce import Bounce
-from robot_dynamics.control.laws.control_law import LawInput
+from robot_dynamics.control.laws.control_law import LawInput, LawParameter, LawTopic
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
-from robot_dynamics.control.laws.law_parameter import LawParameter, LawTopic
-from robot_dynamics.control.laws.modal_impedance import (
-    LEAST_DAMPING_RATIO,
-    ModalImpedance,
-    root_of,
-)
+from robot_dynamics.control.laws.modal_impedance import ModalImpedance, root_of
 from robot_dynamics.control.options import ControllerOptions, LawOptions
 from robot_dynamics.control.pose_reference import follow_pose, FRAME, frame_name
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+from robot_dynamics.references.motion_limits import VELOCITY_FRACTION
 from robot_dynamics.task_space.frame_kinematics import FrameKinematics
 
 LARGEST_DISTANCE, LARGEST_ANGLE, LARGEST_POSTURE = 0.1, 0.5, 0.5
@@ -52,8 +48,6 @@ LENGTH, SINGULAR = 0.25, 0.1
 """[m] that weighs as much as 1 rad, and σ_0 [rad/rad] or [rad/m]."""
 LIMIT_MARGIN, LIMIT_SHARE = 0.05, 0.1
 """[rad] or [m] before a position limit, at most this share of the range, where a joint stops."""
-SPEED_SHARE = 0.5
-"""Share of the velocity limit above which a push has to overcome the brake."""
 LEAST_FREQUENCY = 2.0
 """[rad/s] at which directions with little stiffness are damped at least."""
 
@@ -71,7 +65,7 @@ class CartesianImpedance(ModalImpedance):
             'Stiffness [N·m/rad] of cartesian_impedance.')),
         LawParameter('cartesian.damping_ratio', 1.0, (
             'Damping ratio of cartesian_impedance in each direction, with the inertia in the '
-            'present configuration.'), LEAST_DAMPING_RATIO, 1e4),
+            'present configuration.'), 0.2, 1e4),
         LawParameter('cartesian.null_space_frequency', 10.0, (
             'Natural frequency [rad/s] of the posture of cartesian_impedance, which does not move '
             'the frame.'), maximum=30.0),
@@ -101,11 +95,7 @@ class CartesianImpedance(ModalImpedance):
         limits = arm.limits
         margin = np.minimum(LIMIT_MARGIN, LIMIT_SHARE * (limits.upper - limits.lower))
         self._lower, self._upper = limits.lower + margin, limits.upper - margin
-        self._fastest = SPEED_SHARE * limits.velocity
-
-    def stiffness(self, M: FloatArray) -> FloatArray:
-        """Return the diagonal of K at the last state; before, that of the closed loop."""
-        return super().stiffness(M) if self._gains_at is None else np.diagonal(self._K)
+        self._fastest = VELOCITY_FRACTION * limits.velocity
 
     def gains(
         self, dynamics: UncheckedArmDynamics, q: FloatArray,
@@ -160,16 +150,13 @@ class CartesianImpedance(ModalImpedance):
         self, state: LawInput, e: FloatArray, e_dot: FloatArray, spring: FloatArray,
     ) -> FloatArray:
         """Return D ė without the approach of a surface off which the arm bounces, and brakes."""
-        damper = np.asarray(self._D @ e_dot)
-        bounce = self._bounce
+        damper, bounce = np.asarray(self._D @ e_dot), self._bounce
         bounce.take(
             state.stamp_ns, state.v, e_dot, self._M,
             lambda: self._inverse.T @ (self._inverse @ (spring + damper)))
-        self.bounces = bounce.is_near
-        if self.bounces:
-            return np.asarray(
-                self._D @ (e_dot + bounce.approach(state.v)) + self._braked(state, e, e_dot))
-        return np.asarray(damper + self._braked(state, e, e_dot))
+        self.is_in_contact = bounce.is_near
+        return np.asarray(
+            self._D @ (e_dot + bounce.approach(state.v)) + self._braked(state, e, e_dot))
 
     def _braked(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray:
         """

@@ -4,7 +4,6 @@
 """The control laws by the values of the parameter `command`, of this package and of others."""
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from functools import cache
 from importlib import metadata
 from typing import Any
@@ -40,41 +39,39 @@ def command_modes() -> tuple[str, ...]:
 
 
 @cache
-def further_laws() -> Mapping[str, Any]:
-    """Return the entry points of laws in other packages, by name."""
-    return {one.name: one for one in metadata.entry_points(group=ENTRY_POINTS)}
-
-
-def law_named(name: str) -> LawFactory:
-    """Return a law; raise InvalidInputError if it is unknown or cannot be imported."""
-    if name in LAWS:
-        return LAWS[name]
-    if name not in further_laws():
-        raise InvalidInputError(
-            f'command is {name!r}, expected one of {list(command_modes())}')
-    try:
-        factory: LawFactory = further_laws()[name].load()
-    except Exception as error:  # any error of another package
-        raise InvalidInputError(
-            f'command is {name!r}, but the control law of that entry point cannot be loaded: '
-            f'{error!r}') from error
-    return factory
-
-
-@cache
-def all_laws() -> Mapping[str, LawFactory]:
-    """Return the laws by name, without those of other packages that cannot be loaded."""
-    found = {}
-    for name in command_modes()[:-1]:
-        with suppress(InvalidInputError):
-            found[name] = law_named(name)
+def further_laws() -> Mapping[str, LawFactory | str]:
+    """Return the laws of other packages by name, or why one cannot be loaded."""
+    found: dict[str, LawFactory | str] = {}
+    for one in metadata.entry_points(group=ENTRY_POINTS):
+        try:
+            found[one.name] = one.load()
+        except Exception as error:  # any error of another package
+            found[one.name] = (
+                f'command is {one.name!r}, but the control law of that entry point cannot be '
+                f'loaded: {error!r}')
     return found
+
+
+def all_laws() -> Mapping[str, LawFactory]:
+    """Return the laws by name, without those that cannot be loaded."""
+    return {**{name: law for name, law in further_laws().items() if not isinstance(law, str)},
+            **LAWS}
 
 
 def declared(what: str) -> tuple[Any, ...]:
     """Return the PARAMETERS, TOPICS or REFERENCES (`ControlLaw`) of all laws, each once."""
     return tuple(dict.fromkeys(
         one for law in all_laws().values() for one in getattr(law, what, ())))
+
+
+def make_law(arm: ArmModel, feedback: ErrorFeedback, options: ControllerOptions) -> ControlLaw:
+    """Return the law that `options.command` names; raise InvalidInputError."""
+    name = options.command
+    law = LAWS.get(name) or further_laws().get(
+        name, f'command is {name!r}, expected one of {list(command_modes())}')
+    if isinstance(law, str):
+        raise InvalidInputError(law)
+    return law(feedback, law_options(law, arm, options))
 
 
 def law_options(law: LawFactory, arm: ArmModel, options: ControllerOptions) -> LawOptions:

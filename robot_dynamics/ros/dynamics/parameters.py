@@ -7,14 +7,14 @@ import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.laws.computed_torque import FRICTION_MODES
+from robot_dynamics.control.laws.control_law import LawParameter
 from robot_dynamics.control.laws.error_feedback import (
     DEFAULT_DAMPING_RATIO,
     DEFAULT_NATURAL_FREQUENCY,
     make_gains,
     per_joint,
 )
-from robot_dynamics.control.laws.friction_compensation import FRICTION_MODES
-from robot_dynamics.control.laws.law_parameter import LawParameter
 from robot_dynamics.control.laws.law_table import all_laws, command_modes, declared, law_options
 from robot_dynamics.control.options import (
     ControllerOptions,
@@ -201,8 +201,9 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     """Return checked options; raise InvalidInputError if they do not match the arm."""
     of_laws = declared('PARAMETERS')
     for name in (
-            *GAINS, *(one.name for one in of_laws if one.is_per_joint), 'drive.stiffness', 'following_error_limit',
-            'external_effort_limit', 'goal.path_tolerance', 'goal.tolerance'):
+            *GAINS, *(one.name for one in of_laws if one.is_per_joint), 'drive.stiffness',
+            'following_error_limit', 'external_effort_limit', 'goal.path_tolerance',
+            'goal.tolerance'):
         check_order_is_given(values, name, arm)
     optional_values('external_effort_limit', values, arm)
     contact_levels(values, arm)

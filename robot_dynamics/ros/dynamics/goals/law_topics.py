@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import Any
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from robot_dynamics.control.laws.law_parameter import LawTopic
+from robot_dynamics.control.laws.control_law import LawTopic
 from robot_dynamics.control.laws.law_table import declared
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
