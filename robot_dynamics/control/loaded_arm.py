@@ -64,28 +64,24 @@ class LoadedArm:
         planning = ArmDynamics(self.arm.with_gravity(gravity).with_payloads(payloads))
         return PreparedLoad(payloads, planning, WorkspaceInertia(planning))
 
-    def replace(self, load: PreparedLoad) -> None:
-        """Activate loads at once."""
-        self._payloads, self._transition = load.payloads, None
-        self.changes = self._gravity_rate is not None
-        self._set_dynamics(load.payloads)
-        self.planning = load.planning
-        self.workspace = self._planned_workspace = load.workspace
-
     def begin_transition(
         self, load: PreparedLoad, transition_time: float,
         when_done: Callable[[tuple[Payload, ...]], None],
     ) -> None:
         """
-        Let loads replace the active ones over transition_time [s].
+        Let loads replace the active ones over transition_time [s], 0 replaces them at once.
 
-        Until the next exchange, `workspace` is that of the heavier loads.
+        During a transition, `workspace` is that of the heavier loads, until the next exchange.
         """
         self._plan(load)
-        self._payloads, self._when_done = load.payloads, when_done
-        self._transition = PayloadTransition(
-            self.dynamics.arm.payloads, load.payloads, transition_time)
-        self.changes = True
+        self._payloads, self._when_done, self._transition = load.payloads, when_done, None
+        if transition_time > 0.0:
+            self._transition = PayloadTransition(
+                self.dynamics.arm.payloads, load.payloads, transition_time)
+        else:
+            self._set_dynamics(load.payloads)
+            self.workspace = load.workspace
+        self.changes = self._transition is not None or self._gravity_rate is not None
 
     def begin_gravity_change(self, load: PreparedLoad, rate: float) -> None:
         """Let gravity change to that of `load`, at most by `rate` [m/s³]; ∞ changes it at once."""

@@ -27,6 +27,7 @@ from robot_dynamics.control.endings import Endings
 from robot_dynamics.control.gate import Gate, Signals
 from robot_dynamics.control.goal_execution import GoalExecution
 from robot_dynamics.control.laws.control_law import ControlLaw
+from robot_dynamics.control.laws.law_table import NO_COMMAND
 from robot_dynamics.control.options import (
     ControllerOptions,
     default_limits,
@@ -39,7 +40,6 @@ from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.control.safety.faults import Fault, FOLLOWING_ERROR
 from robot_dynamics.control.safety.motion_checks import frozen_joint
 from robot_dynamics.control.safety.supervisor import Brake, CommandSupervisor, Mode
-from robot_dynamics.control.scaled_laws import NO_COMMAND
 from robot_dynamics.control.trajectory_goal import Tolerances, TrajectoryGoal
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.monitoring.state_plausibility import (
@@ -190,11 +190,6 @@ class ControlLoop:
         """
         return self.goals.execute(trajectory, stamp_ns, tolerances, when_done)
 
-    def set_force_feedback(self, external: FloatArray) -> None:
-        """Let `hand_guiding` feel the external effort (n,) of a follower for 50 ms."""
-        with self.lock:
-            self.controller.feel(external)
-
     @property
     def obstacle(self) -> str:
         """The reason why no reference can be followed now, empty if one can."""
@@ -292,9 +287,10 @@ class ControlLoop:
         if output.command is None:
             supervisor.end(now, Ending(Kind.RELEASE_NOW, 'there is no command'))
             return LoopAnswer(None, output, verdict)
-        if output.law.exceeds_limit:
+        tracking = output.law.tracking
+        if tracking is not None and tracking.exceeds_limit:
             fault = fault or Fault(FOLLOWING_ERROR, output.state.feedback.worst_error(
-                output.state.reference.position, q, controller.arm.joint_names))
+                tracking.error, controller.arm.joint_names))
         if fault is None:
             effort = supervisor.usual(now, q, v, output.command, output.holding_effort, verdict.dt)
             if effort is not None:

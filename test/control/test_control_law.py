@@ -92,7 +92,8 @@ def test_only_continuous_joints_take_the_shortest_angular_distance():
 def test_the_error_that_is_largest_relative_to_its_limit_is_named():
     feedback = ErrorFeedback(
         make_gains(NAMES), ('revolute', 'continuous', 'prismatic'), np.array([1.0, 0.1, 2.0]))
-    words = feedback.worst_error(np.array([0.5, 3.0, 1.5]), np.array([0.0, -3.1, 3.0]), NAMES)
+    error = feedback.position_error(np.array([0.5, 3.0, 1.5]), np.array([0.0, -3.1, 3.0]))
+    words = feedback.worst_error(error, NAMES)
     assert words == (
         "position of 'elbow' is 0.183 from its reference, expected at most 0.1 "
         '(following_error_limit)')

@@ -2,18 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Control laws: gravity compensation and computed torque.
+The feedback of position and velocity errors along a reference.
 
 Source: B. Siciliano et al., *Robotics: Modelling, Planning and Control*, Springer 2009, section
 8.5.2 (inverse dynamics control): with
 τ = M(q)(q̈_ref + K_d ė + K_p e) + C(q, q̇) q̇ + g(q) + friction and an exact model, the error
 e = q_ref − q obeys ë + K_d ė + K_p e = 0 at each joint, independently of the other joints.
-
-Friction is best compensated not at the measured velocity but at that of the reference, and at rest
-in the direction of the error (`JointFriction.tracking_effort`). Compensation at the measured
-velocity, fed back with any delay, accelerates a light joint in its direction of motion, and is
-zero for a joint that sticks. Compensation at the velocity of the reference starts a sticking joint
-if its reference moves, and the uncompensated part of the friction damps the error.
 """
 
 from collections.abc import Sequence
@@ -25,12 +19,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray, wrap_angle, wrap_to_pi
+from robot_dynamics.control.gains.gain_scaling import USUAL_FREQUENCY
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Segment
 from robot_dynamics.validation import check_per_joint, LARGEST_VALUE
 
-DEFAULT_NATURAL_FREQUENCY = 20.0
+DEFAULT_NATURAL_FREQUENCY = USUAL_FREQUENCY
 """[rad/s]"""
 DEFAULT_DAMPING_RATIO = 1.0
 LEAST_DAMPING = 0.3
@@ -176,11 +171,9 @@ class ErrorFeedback:
             e[self._continuous] = wrap_to_pi(e[self._continuous])
         return e
 
-    def worst_error(
-        self, reference: FloatArray, q: FloatArray, joint_names: Sequence[str],
-    ) -> str:
-        """Return which position error is the largest relative to its limit, with both values."""
-        limit, e = self.largest_error, self.position_error(reference, q)
+    def worst_error(self, e: FloatArray, joint_names: Sequence[str]) -> str:
+        """Return which position error (n,) is the largest by its limit, with both values."""
+        limit = self.largest_error
         j = int(np.argmax(np.abs(e) / limit))
         return (f'position of {joint_names[j]!r} is {abs(e[j]):.3g} from its reference, '
                 f'expected at most {limit[j]:.3g} (following_error_limit)')

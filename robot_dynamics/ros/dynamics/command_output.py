@@ -19,11 +19,11 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.laws.law_table import NO_COMMAND
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
 from robot_dynamics.control.safety.ending import Ending
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
-from robot_dynamics.control.scaled_laws import NO_COMMAND
 from robot_dynamics.ros.dynamics.command_status import command_status, CommandCounters
 from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
 from robot_dynamics.ros.dynamics.served import Served

@@ -238,7 +238,7 @@ class ControlPath:
     ) -> None:
         """Compare the measured effort with its limit, and with the command."""
         output, reader = answer.output, served.messages.reader
-        v, gravity = output.velocity, output.robot_gravity
+        v, gravity = output.state.v, output.robot_gravity
         if served.external.is_on:
             fault = served.external.fault(reader, state, q, v, answer.verdict, gravity)
             if fault is not None:

@@ -20,7 +20,7 @@ from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
 from robot_dynamics.ros.dynamics.external_effort_fault import ExternalEffortFault
 from robot_dynamics.ros.dynamics.goals.follow_joint_trajectory import FollowJointTrajectoryServer
-from robot_dynamics.ros.dynamics.goals.teleoperation import Teleoperation
+from robot_dynamics.ros.dynamics.goals.law_topics import subscribe_laws
 from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
 from robot_dynamics.ros.dynamics.model_source import ModelSource
 from robot_dynamics.ros.dynamics.parameters import (
@@ -77,8 +77,6 @@ USAGE = NodeUsage(
       'follow; one point is a set-point.'),
      ('~/set_point', 'Subscribed, sensor_msgs/msg/JointState: a set-point, such as the joint '
       'states of a leader arm.'),
-     ('~/force_feedback', 'Subscribed, sensor_msgs/msg/JointState: the external effort of a '
-      'follower, which hand_guiding lets feel.'),
      ('~/follow_joint_trajectory', 'Action, control_msgs/action/FollowJointTrajectory, if '
       'control_msgs is installed: a trajectory with tolerances and a result.'),
      ('effort_command, ~/commands', 'Published, sensor_msgs/msg/JointState and '
@@ -130,7 +128,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             lambda: self._path.command.is_commanding, self._use_model)
         self.create_service(Trigger, '~/reset_fault', self._reset_fault)
         self._trajectories = TrajectoryInput(self, self._path)
-        self._teleoperation = Teleoperation(self, self._path, self._trajectories)
+        subscribe_laws(self, self._path, self._trajectories)
         self._action = FollowJointTrajectoryServer(self, self._path, self._trajectories)
         self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
         self._report = StateReport(self._path.counters, lambda: self._path.loop)

@@ -5,7 +5,8 @@
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.laws import cartesian, guiding
+from robot_dynamics.control.laws.computed_torque import FRICTION_MODES
+from robot_dynamics.control.laws.control_law import LawParameter
 from robot_dynamics.control.laws.error_feedback import (
     DEFAULT_DAMPING_RATIO,
     DEFAULT_NATURAL_FREQUENCY,
@@ -13,8 +14,7 @@ from robot_dynamics.control.laws.error_feedback import (
     make_gains,
     per_joint,
 )
-from robot_dynamics.control.laws.friction_compensation import FRICTION_MODES
-from robot_dynamics.control.laws.impedance import LEAST_DAMPING_RATIO, make_impedance
+from robot_dynamics.control.laws.law_table import all_laws, command_modes, declared, law_options
 from robot_dynamics.control.options import (
     ControllerOptions,
     default_effort_rates,
@@ -22,7 +22,6 @@ from robot_dynamics.control.options import (
 )
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.control.safety.fault_action import END_ACTIONS, FAULT_ACTIONS, SafetyOptions
-from robot_dynamics.control.scaled_laws import command_modes
 from robot_dynamics.control.trajectory_goal import (
     default_tolerances,
     Tolerances,
@@ -43,12 +42,12 @@ from robot_dynamics.ros.parameters.declared_parameters import (
     number,
     numbers,
     numbers_per_joint,
+    ParameterSpec,
     text,
     texts,
     Values,
 )
 from robot_dynamics.ros.parameters.payloads import PAYLOAD_SPECS
-from robot_dynamics.validation import LARGEST_VALUE
 
 GOAL_SPEC = numbers_per_joint('goal.tolerance', 0.0, 1e9, (
     'Distance [rad] or [m] at which a goal of ~/follow_joint_trajectory that gives no tolerance '
@@ -102,6 +101,16 @@ SAFETY_SPECS = (
         'effort limit of each joint per 0.1 s.')),
 )
 
+
+def _law_spec(one: LawParameter) -> ParameterSpec:
+    """Return the specification of a parameter that a law declares."""
+    if isinstance(one.default, str):
+        return text(one.name, one.default, one.description)
+    if isinstance(one.default, tuple):
+        return numbers(one.name, one.minimum, one.maximum, one.description, one.default)
+    return number(one.name, float(one.default), one.minimum, one.maximum, one.description)
+
+
 SPECS = (
     *robot_description.DESCRIPTION_SPECS,
     *robot_description.FRICTION_SPECS,
@@ -126,44 +135,7 @@ SPECS = (
         'Damping ratio of the tracking error'), (
         '. K_d is 2 times this ratio times the natural frequency.'),
         default=[DEFAULT_DAMPING_RATIO]),
-    numbers_per_joint('impedance.stiffness', 0.0, 1e8, (
-        'Stiffness [N·m/rad] or [N/m] of joint_impedance'), (
-        '. If empty, the effort limit of the joint per 0.25 rad or 0.25 m, 100 without an effort '
-        'limit.')),
-    numbers_per_joint('impedance.damping_ratio', LEAST_DAMPING_RATIO, 1e4, (
-        'Damping ratio of joint_impedance, with the inertia in the present configuration'),
-        default=[DEFAULT_DAMPING_RATIO]),
-    numbers_per_joint('impedance.damping', 0.0, 1e8, (
-        'Damping [N·m·s/rad] or [N·s/m] of joint_impedance, which replaces '
-        'impedance.damping_ratio'), (
-        '. At least half of the critical damping acts.')),
-    numbers_per_joint('hand_guiding.friction_share', 0.0, guiding.LARGEST_SHARE, (
-        'Share of friction that hand_guiding compensates'), default=[guiding.DEFAULT_SHARE]),
-    numbers_per_joint('hand_guiding.speed', 0.0, 1e8, (
-        'Speed [rad/s] or [m/s] above which hand_guiding brakes a joint'), (
-        '. If empty, half of the velocity limit, at most 1 rad/s or 0.25 m/s.')),
-    numbers_per_joint('hand_guiding.feedback_gain', 0.0, guiding.LARGEST_FEEDBACK_GAIN, (
-        'Share of the effort on ~/force_feedback that hand_guiding lets feel'),
-        default=[guiding.DEFAULT_FEEDBACK_GAIN]),
-    text('cartesian.frame', '', (
-        'Link whose origin cartesian_impedance and ~/pose_reference control. If empty, the last '
-        'link that most joints move.')),
-    numbers('cartesian.translation_stiffness', 0.0, LARGEST_VALUE, (
-        'Stiffness [N/m] of cartesian_impedance; one value for all axes or one per axis of the '
-        'base frame.'), default=[cartesian.TRANSLATION_STIFFNESS]),
-    number('cartesian.rotation_stiffness', cartesian.ROTATION_STIFFNESS, 0.0, LARGEST_VALUE, (
-        'Stiffness [N·m/rad] of cartesian_impedance.')),
-    number('cartesian.damping_ratio', DEFAULT_DAMPING_RATIO, LEAST_DAMPING_RATIO, 1e4, (
-        'Damping ratio of cartesian_impedance in each direction, with the inertia in the present '
-        'configuration.')),
-    number('cartesian.null_space_frequency', cartesian.NULL_SPACE_FREQUENCY, 0.0,
-           cartesian.LARGEST_NULL_SPACE_FREQUENCY, (
-               'Natural frequency [rad/s] of the posture of cartesian_impedance, which does not '
-               'move the frame.')),
-    number('cartesian.force_limit', cartesian.FORCE_LIMIT, 0.0, cartesian.LARGEST_WRENCH, (
-        'Largest force [N] of the spring of cartesian_impedance.')),
-    number('cartesian.torque_limit', cartesian.TORQUE_LIMIT, 0.0, cartesian.LARGEST_WRENCH, (
-        'Largest torque [N·m] of the spring of cartesian_impedance.')),
+    *(_law_spec(one) for one in declared('PARAMETERS')),
     text('friction_compensation', 'reference', (
         'Velocity at which computed torque compensates friction: reference uses the velocity of '
         'the reference, corrected by the tracking error (robust); measured uses the measured '
@@ -187,37 +159,31 @@ SPECS = (
         '~/change_state.'), read_only=True),
 )
 GAINS = ('gains.natural_frequency', 'gains.damping_ratio')
-IMPEDANCE = ('impedance.stiffness', 'impedance.damping_ratio', 'impedance.damping')
-GUIDING = ('hand_guiding.friction_share', 'hand_guiding.speed', 'hand_guiding.feedback_gain')
-
-CARTESIAN = (
-    'frame', 'translation_stiffness', 'rotation_stiffness', 'damping_ratio',
-    'null_space_frequency', 'force_limit', 'torque_limit')
 
 
 def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     """Return checked options; raise InvalidInputError if they do not match the arm."""
+    of_laws = declared('PARAMETERS')
     for name in (
-            *GAINS, *IMPEDANCE, *GUIDING, 'drive.stiffness', 'following_error_limit',
-            'external_effort_limit', 'goal.tolerance'):
+            *GAINS, *(one.name for one in of_laws if one.is_per_joint), 'drive.stiffness',
+            'following_error_limit', 'external_effort_limit', 'goal.tolerance'):
         check_order_is_given(values, name, arm)
     optional_values('external_effort_limit', values, arm)
     contact_levels(values, arm)
     goal_tolerances(values, arm)
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
-    return ControllerOptions(
+    options = ControllerOptions(
         gains, values['command'], values['effort_limit_fraction'], values['friction_compensation'],
         torque_rates(values, arm), convention_from_parameters(values), True, True,
         values['infeasible_trajectory'] != 'reject', True,
         optional_values('following_error_limit', values, arm), values['reference_timeout'],
         checks_goals=True,
         clips_positions=values['infeasible_trajectory'] == 'clip',
-        impedance=make_impedance(
-            arm.joint_names, arm.limits.effort, *(values[name] for name in IMPEDANCE)),
-        guiding=guiding.make_guiding(arm, *(values[name] for name in GUIDING)),
-        cartesian=cartesian.make_cartesian(
-            arm, *(values[f'cartesian.{name}'] for name in CARTESIAN)),
+        parameters={one.name: values[one.name] for one in of_laws},
         drive_stiffness=optional_values('drive.stiffness', values, arm))
+    for law in all_laws().values():
+        law_options(law, arm, options)
+    return options
 
 
 def optional_values(name: str, values: Values, arm: ArmModel) -> FloatArray | None:

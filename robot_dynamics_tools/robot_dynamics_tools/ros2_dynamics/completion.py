@@ -41,7 +41,7 @@ def complete_checks(prefix: str, **_: object) -> list[str]:
 
 def complete_commands(prefix: str, **_: object) -> list[str]:
     """Return the control laws, and `none`."""
-    from robot_dynamics.control.scaled_laws import command_modes
+    from robot_dynamics.control.laws.law_table import command_modes
     return list(command_modes())
 
 
