@@ -264,7 +264,8 @@ class Gate:
         if v is None or before is None:
             return np.zeros_like(same)
         keep = max(1.0 - dt / AGREEMENT, 0.0)
-        self._claimed = np.where(same & (v == before), keep * self._claimed + dt * np.abs(v), 0.0)
+        claimed = keep * self._claimed + dt * np.abs(v)
+        self._claimed = np.where(same & (v == before), claimed, 0.0).astype(np.float64)
         return (self._claimed > FLOOR) & ~self.doubtful
 
     def _continued(

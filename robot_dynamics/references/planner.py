@@ -13,7 +13,7 @@ rest to rest. Joints at rest move together, on a straight line; a joint stops al
 
 from bisect import bisect_right
 from collections.abc import Iterable
-from itertools import accumulate
+from itertools import accumulate, repeat
 import math
 
 import numpy as np
@@ -81,11 +81,12 @@ def _bounds(limits: MotionLimits) -> list[Bounds]:
 
 def _joints(start: Reference, limits: MotionLimits) -> list[JointPlanner]:
     full, lowered = limits.braking, limits.lowered
-    bounds = zip(*map(_bounds, (full, full.whole, lowered, lowered.whole)))
+    each = zip(
+        limits.lower.tolist(), limits.upper.tolist(),
+        *map(_bounds, (full, full.whole, lowered, lowered.whole)), repeat(limits.scale))
     return [
-        JointPlanner(state, PlannerLimits(lower, upper, *each, limits.scale))
-        for state, lower, upper, each in zip(
-            _states(start), limits.lower.tolist(), limits.upper.tolist(), bounds)]
+        JointPlanner(state, PlannerLimits(*values))
+        for state, values in zip(_states(start), each)]
 
 
 def _states(reference: Reference) -> list[State]:

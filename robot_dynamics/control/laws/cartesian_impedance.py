@@ -39,7 +39,7 @@ from robot_dynamics.control.options import ControllerOptions, LawOptions
 from robot_dynamics.control.pose_reference import follow_pose, FRAME, frame_name
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
-from robot_dynamics.references.motion_limits import VELOCITY_FRACTION
+from robot_dynamics.references.motion_limits import FRACTION
 from robot_dynamics.task_space.frame_kinematics import FrameKinematics
 
 LARGEST_DISTANCE, LARGEST_ANGLE, LARGEST_POSTURE = 0.1, 0.5, 0.5
@@ -95,7 +95,7 @@ class CartesianImpedance(ModalImpedance):
         limits = arm.limits
         margin = np.minimum(LIMIT_MARGIN, LIMIT_SHARE * (limits.upper - limits.lower))
         self._lower, self._upper = limits.lower + margin, limits.upper - margin
-        self._fastest = VELOCITY_FRACTION * limits.velocity
+        self._fastest = FRACTION * limits.velocity
 
     def gains(
         self, dynamics: UncheckedArmDynamics, q: FloatArray,

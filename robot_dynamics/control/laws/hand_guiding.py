@@ -60,7 +60,7 @@ from robot_dynamics.control.laws.force_feedback import ForceFeedback
 from robot_dynamics.control.options import LawOptions
 from robot_dynamics.joints.friction import JointFriction
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.references.motion_limits import VELOCITY_FRACTION
+from robot_dynamics.references.motion_limits import FRACTION
 from robot_dynamics.validation import check_named, LARGEST_VALUE
 
 SHARE = LawParameter('hand_guiding.friction_share', (0.6,), (
@@ -266,7 +266,7 @@ class HandGuiding(ControlLaw):
 def _usual_speed(arm: ArmModel) -> FloatArray:
     """Return the default speed limit (n,) [rad/s] or [m/s]."""
     largest = [USUAL_SPEED if kind == 'prismatic' else USUAL_TURN for kind in arm.joint_kinds]
-    return np.minimum(VELOCITY_FRACTION * arm.limits.velocity, largest)
+    return np.asarray(np.minimum(FRACTION * arm.limits.velocity, largest))
 
 
 def _slower(v: FloatArray, mean: FloatArray) -> FloatArray:
