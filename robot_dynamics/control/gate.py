@@ -281,8 +281,9 @@ class Gate:
         missing_ns = np.where(left & ~was_missing, _LOST_NS, self._missing_ns)
         self._missing_ns = np.where(missing, missing_ns + passed_ns, 0)
         self._is_missing = bool(missing.any())
-        self.plausibility.unseen, lost = 1e-9 * self._missing_ns, self._missing_ns > _LOST_NS
+        lost = self._missing_ns > _LOST_NS
         self._lost = lost if lost.any() else None
+        self.plausibility.unseen = self._missing_ns / NANOSECONDS_PER_SECOND
         v = np.where(lost, exp(-DECAY * dt) * last.v, last.v)
         self._signals = last._replace(v=v)
         step = np.where(missing | was_missing, dt * v, step)
