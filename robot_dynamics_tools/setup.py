@@ -16,7 +16,7 @@ EXECUTABLES = {
     'animate': 'commands.animate:main',
     'calibrate_gravity': 'commands.calibrate_gravity:main',
     'demo': 'demo.cli:main',
-    'dynamics': 'ros2_dynamics.cli:main',
+    'dynamics': '__main__:main',
     'dynamics_monitor': 'monitor.entry_points:dynamics_monitor',
     'estimate_payload': 'commands.estimate_payload:main',
     'excite': 'commands.excite:main',

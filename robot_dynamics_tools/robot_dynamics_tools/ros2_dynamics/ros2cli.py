@@ -10,7 +10,7 @@ Nothing else imports this module, as ros2cli is not everywhere.
 from argparse import ArgumentParser, Namespace
 import sys
 
-from robot_dynamics_tools.ros2_dynamics.cli import is_tool, run_tool_verb, take_all, TOOLS
+from robot_dynamics_tools.ros2_dynamics.tools import is_tool, run_tool_verb, take_all, TOOLS
 from robot_dynamics_tools.ros2_dynamics.verbs import add_arguments, run, VERBS
 from ros2cli.command import add_subparsers_on_demand, CommandExtension
 from ros2cli.plugin_system import PLUGIN_SYSTEM_VERSION, satisfies_version

@@ -20,9 +20,9 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools.options import add_node, number
-from robot_dynamics_tools.ros2_dynamics.cli import take_all, TOOLS
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 from robot_dynamics_tools.ros2_dynamics.completion import add_completers
+from robot_dynamics_tools.ros2_dynamics.tools import take_all, TOOLS
 
 if TYPE_CHECKING:
     from robot_dynamics_tools.ros2_dynamics.answers import Answer
@@ -239,7 +239,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """Return the parser of all verbs; `cli` runs the tools before."""
+    """Return the parser of all verbs; `__main__` runs the tools before."""
     parser = command_line.Parser(
         prog='dynamics',
         description='Ask a running dynamics node, move the arm, and run the tools.')

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics_tools.reporting.text_table import text_table
-from robot_dynamics_tools.ros2_dynamics.cli import TOOLS
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.joint_arguments import joint_values
+from robot_dynamics_tools.ros2_dynamics.tools import TOOLS
 from robot_dynamics_tools.ros2_dynamics.verbs import main, VERBS
 from ros_harness import (
     DYNAMICS,

@@ -1,22 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-The executable `dynamics`: the verbs of `ros2 dynamics` without ros2cli.
-
-Verbs that are tools need no node, and start without ROS.
-"""
-# PYTHON_ARGCOMPLETE_OK
+"""The verbs of `ros2 dynamics` that are tools: they need no node, and start without ROS."""
 
 import argparse
 from collections.abc import Mapping, Sequence
-from functools import partial
 from importlib import import_module
-import sys
 from typing import NamedTuple
-
-from robot_dynamics.dependencies import require_ros
-from robot_dynamics.tools.command_line import run_tool
 
 
 class Tool(NamedTuple):
@@ -63,20 +53,6 @@ def run_tool_verb(verb: str, words: Sequence[str]) -> int:
     tool = TOOLS[verb]
     module = import_module(f'robot_dynamics_tools.{tool.module}')
     return int(getattr(module, tool.function)(list(words)))
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run a verb; return its exit status."""
-    words = sys.argv[1:] if argv is None else list(argv)
-    if words and is_tool(words[0], words[1:]):
-        return run_tool_verb(words[0], words[1:])
-    return run_tool('dynamics', partial(_run, words))
-
-
-def _run(argv: Sequence[str]) -> int:
-    require_ros('the tool')
-    from robot_dynamics_tools.ros2_dynamics.verbs import main as run_verb
-    return run_verb(argv)
 
 
 def take_all(parser: argparse.ArgumentParser) -> None:
