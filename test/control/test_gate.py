@@ -228,6 +228,24 @@ def test_the_steps_of_an_encoder_are_no_loss(speed, rate):
 
 
 @FEW
+@given(rate=rates, speed=st.floats(0.02, 0.09), sign=signs, offset=st.just(0.0) | st.just(0.04))
+def test_a_slow_joint_that_repeats_its_velocity_is_lost_once_it_should_have_moved_3_mrad(
+        rate, speed, sign, offset):
+    """Unless the velocity has contradicted the positions before."""
+    one, v = Fed(rate), np.array([sign * speed, 0.7])
+    while one.t < 1.0:
+        signals = one.signals(one.t * v, v + np.array([sign * offset, 0.0]))
+        assert signals.lost is None
+    q, begin = (one.t - 1.0 / rate) * v[0], one.t - 1.0 / rate
+    seen = 0.003 / speed * (1.0 + 0.1 / speed * 0.02)
+    while one.t < begin + seen + 2.0 / rate:
+        signals = one.signals(np.array([q, one.t * v[1]]), v + np.array([sign * offset, 0.0]))
+        if one.t < begin + 0.003 / speed:
+            assert signals.lost is None
+    assert (signals.lost is not None) == (offset == 0.0)
+
+
+@FEW
 @given(rate=rates, speed=st.floats(0.16, 2.0), count=st.integers(1, 30), moved=signs)
 def test_a_state_that_repeats_in_motion_is_none_until_a_position_changes(
         rate, speed, count, moved):
