@@ -237,7 +237,7 @@ def test_a_slow_joint_that_repeats_its_velocity_is_lost_once_it_should_have_move
         signals = one.signals(one.t * v, v + np.array([sign * offset, 0.0]))
         assert signals.lost is None
     q, begin = (one.t - 1.0 / rate) * v[0], one.t - 1.0 / rate
-    seen = 0.003 / speed * (1.0 + 0.1 / speed * 0.02)
+    seen = 0.003 / speed * (1.0 + 0.002 / speed)  # forgotten with a time constant of 1 s
     while one.t < begin + seen + 2.0 / rate:
         signals = one.signals(np.array([q, one.t * v[1]]), v + np.array([sign * offset, 0.0]))
         if one.t < begin + 0.003 / speed:
