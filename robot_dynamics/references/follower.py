@@ -10,7 +10,7 @@ resolution of only 2e-7 s. Durations are in seconds.
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from math import ceil, copysign, dist, pi
+from math import ceil, copysign, pi
 
 import numpy as np
 import numpy.typing as npt
@@ -32,8 +32,6 @@ from robot_dynamics.trajectories.joint_trajectory import (
 )
 from robot_dynamics.validation import check_scalar, check_vector, LARGEST_VALUE
 
-SAME_SPEED = 1e-9
-"""[rad/s] or [m/s] between equal velocities of two references, because of rounding."""
 _LATEST = 1 << 62
 """[ns] beyond all times."""
 
@@ -102,12 +100,6 @@ class ActiveTrajectory:
             return self._state_before
         segment = self.segment(now_ns)
         return evaluate(segment.coefficients, segment.phase(now_ns))
-
-    def continues(self, other: 'ActiveTrajectory') -> bool:
-        """Return whether this trajectory begins with the velocity of another one, or is it."""
-        return self is other or dist(
-            self._state_before.velocity.tolist(),
-            other.sample(self._arrival_ns).velocity.tolist()) <= SAME_SPEED
 
     def segment(self, now_ns: int) -> Segment:
         """Return the segment at `now_ns`; before the arrival and after the end it is constant."""
