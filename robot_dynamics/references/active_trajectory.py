@@ -9,7 +9,6 @@ resolution of only 2e-7 s. Durations are in seconds.
 """
 
 from bisect import bisect_right
-from math import dist
 import sys
 
 import numpy as np
@@ -28,8 +27,6 @@ from robot_dynamics.trajectories.joint_trajectory import (
     TrajectoryPoint,
 )
 
-SAME_SPEED = 1e-9
-"""[rad/s] or [m/s] between equal velocities of two references, because of rounding."""
 _LATEST = sys.maxsize
 """[ns] beyond all times."""
 
@@ -92,12 +89,6 @@ class ActiveTrajectory:
             return self._state_before
         segment = self.segment(now_ns)
         return evaluate(segment.coefficients, segment.phase(now_ns))
-
-    def continues(self, other: 'ActiveTrajectory') -> bool:
-        """Return whether this trajectory begins with the velocity of another one, or is it."""
-        return self is other or dist(
-            self._state_before.velocity.tolist(),
-            other.sample(self._arrival_ns).velocity.tolist()) <= SAME_SPEED
 
     def segment(self, now_ns: int) -> Segment:
         """Return the segment at `now_ns`; before the arrival and after the end it is constant."""

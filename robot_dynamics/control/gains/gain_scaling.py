@@ -10,15 +10,14 @@ the phase margin φ = atan(D_jj ω_x / K_jj): 2.06 ω and 76° for a damping rat
 of the joints raises their frequencies by at most the largest eigenvalue ρ of K whose diagonal is
 normalised to 1.
 
-The bandwidth is scaled by the largest s <= 1, with K s² and D s, at which all delays together take
-at most the phase φ_a at the crossover s ρ ω_x:
+The bandwidth is scaled by the largest s <= 1, with K s² and D s, at which
 
-    s ρ ω_x (T_d + s T_n) <= φ_a = DELAY_LAG min(1, φ / 76°)
+    s ρ ω_x T_d <= DELAY_LAG min(1, φ / 76°)    and    s ρ ω_x s T_n <= NOISE_LAG.
 
 T_d is half a period of the states, LOOP_DELAY, and the delay of the velocity (`gate`). T_n is that
 of the rate limit τ̇ of the effort: noise σ of the velocity becomes M D s σ in the effort. If it
 exceeds the changes that the limit permits, the limit acts as a low-pass with the time constant
-M D s σ / (0.8 τ̇): the expected change of a slew-limited value whose input has normal noise.
+s T_n = M D s σ / (0.8 τ̇): the expected change of a slew-limited value whose input has normal noise.
 
 With a damping ratio of 1, without noise: s = 0.5 rad / (2.06 ω T_d), for 20 rad/s and states at
 125 Hz 0.5 / (41.2 · 12 ms) = 1.0, at 30 Hz 0.49. If s is below 1, M, C and g are those of the
@@ -37,6 +36,8 @@ LOOP_DELAY = 0.008
 """[s] allowed for transport and computation, in addition to half a period."""
 DELAY_LAG = 0.5
 """[rad] of phase that delays may take at the crossover at a damping ratio of 1."""
+NOISE_LAG = 0.1
+"""[rad] of phase that the rate limit may take at the crossover."""
 CROSSOVER = math.sqrt(2.0 + math.sqrt(5.0))
 """ω_x / ω at a damping ratio of 1."""
 USUAL_MARGIN = math.atan(2.0 * CROSSOVER)
@@ -54,20 +55,15 @@ class LoopGains(NamedTuple):
     """
     The closed loop of a law in the workspace: the least favourable of all sampled poses.
 
-    `delay` (n,) [s] is φ_a/(ρ ω_x), up to which s is 1, ∞ without feedback; `frequency` (n,) is
-    ω [rad/s]; `noise` (n, n) [N·m·s/rad] or [N·s/m] is |M D|, the effort per error of velocity.
+    `delay` (n,) [s] is that up to which s is 1, ∞ without feedback; `crossover` [rad/s] is the
+    largest ρ ω_x, and `frequency` (n,) is ω [rad/s]; `noise` (n, n) [N·m·s/rad] or [N·s/m] is
+    |M D|, the effort per error of the velocity.
     """
 
     delay: FloatArray
+    crossover: float
     frequency: FloatArray
     noise: FloatArray
-
-    def scale(self, delay: float, noise_delay: float = 0.0) -> FloatArray:
-        """Return the factors s (n,) in [0, 1] for the delays T_d and T_n [s]."""
-        with np.errstate(invalid='ignore'):
-            s = 2.0 * self.delay / (
-                delay + np.sqrt(delay**2 + 4.0 * noise_delay * self.delay))
-        return np.fmin(s, 1.0)  # without feedback s is not a number
 
 
 def loop_gains(
@@ -75,18 +71,20 @@ def loop_gains(
     mass_matrices: Sequence[FloatArray] | FloatArray,
 ) -> LoopGains:
     """Return the gains of a law, given by `ControlLaw.closed_loop`, at these M(q), (n, n) each."""
-    delays, frequencies, noises = [], [], []
+    found = []
     for M in mass_matrices:
         K, D = closed_loop(M)
         k, d = np.diagonal(K), np.diagonal(D)
         crossover = np.sqrt(0.5 * (d * d + np.sqrt(d**4 + 4.0 * k * k)))
         lag = DELAY_LAG * np.minimum(1.0, np.arctan2(d * crossover, k) / USUAL_MARGIN)
+        crossover = max(_coupling(K), _coupling(D)) * crossover
         with np.errstate(divide='ignore', invalid='ignore'):
-            delays.append(np.where(
-                crossover > 0.0, lag / (max(_coupling(K), _coupling(D)) * crossover), np.inf))
-        frequencies.append(np.maximum(np.sqrt(k), 0.5 * d))
-        noises.append(np.abs(M @ D))
-    return LoopGains(np.min(delays, axis=0), np.max(frequencies, axis=0), np.max(noises, axis=0))
+            delay = np.where(crossover > 0.0, lag / crossover, np.inf)
+        found.append((delay, crossover, np.maximum(np.sqrt(k), 0.5 * d), np.abs(M @ D)))
+    delays, crossovers, frequencies, noises = zip(*found)
+    return LoopGains(
+        np.min(delays, axis=0), float(np.max(crossovers, initial=0.0)),
+        np.max(frequencies, axis=0), np.max(noises, axis=0))
 
 
 def _coupling(gains: FloatArray) -> float:
@@ -160,11 +158,11 @@ class StableGains:
 
     def _take_noise(self) -> None:
         """Average the variance with that of a block of states."""
-        # The third difference of white noise has 20 times its variance, and little of a motion.
-        third = np.diff(np.array(self._block), 3, axis=0)
-        third = third[np.isfinite(third).all(axis=1)]
-        if len(third):
-            self.noise = np.sqrt(0.5 * (self.noise**2 + (third * third).mean(axis=0) / 20.0))
+        # The second difference of white noise has 6 times its variance, and little of a motion.
+        second = np.diff(np.array(self._block), 2, axis=0)
+        second = second[np.isfinite(second).all(axis=1)]
+        if len(second):
+            self.noise = np.sqrt(0.5 * (self.noise**2 + (second * second).mean(axis=0) / 6.0))
         self._block.clear()
 
     def __str__(self) -> str:
@@ -188,10 +186,11 @@ class StableGains:
             self.scale, self.least, self.reference_scale = np.ones_like(before), 1.0, 1.0
             return False
         self._rated_period = self.period or FIRST_PERIOD
+        delay = LOOP_DELAY + 0.5 * self._rated_period + self._velocity_delay
         effort = np.sqrt((gains.noise * self.noise)**2 @ np.ones_like(self.noise))
-        self.scale = gains.scale(
-            LOOP_DELAY + 0.5 * self._rated_period + self._velocity_delay,
-            float(np.max(effort / (_SLEW * self._effort_rate), initial=0.0)))
+        lag = gains.crossover * float(np.max(effort / (_SLEW * self._effort_rate), initial=0.0))
+        of_noise = math.sqrt(NOISE_LAG / lag) if lag > NOISE_LAG else 1.0
+        self.scale = np.minimum(gains.delay / delay, of_noise)
         self.least = float(self.scale.min(initial=1.0))
         bandwidth = self.scale * np.maximum(gains.frequency / USUAL_FREQUENCY, 1.0)
         self.reference_scale = float(bandwidth.min(initial=1.0))

@@ -60,7 +60,7 @@ class Oscillation:
         self._trial, self._calm = -math.inf, 1.0
         """Time [s] of the last restoration, and the factor before it."""
         self._error: FloatArray = np.zeros(len(joint_names))
-        """Position errors (n,) after the last oscillation."""
+        """Position errors (n,) at the last oscillation."""
 
     def take(self, now: float, error: FloatArray, velocity_error: FloatArray) -> bool:
         """Take the errors of a state (n,) at a time [s]; return whether `factor` changes."""
@@ -72,6 +72,7 @@ class Oscillation:
             for name, waves, one, least in zip(self._names, self._waves, x, noise):
                 if abs(one) > max(FLOOR, least) and (frequency := _sustained(waves, now, one)):
                     self._cause = f'{name!r} oscillated with {frequency:.0f} Hz'
+                    self._event, self._error = now, error
                     self._lower(now)
                     break
         return self.factor != before
@@ -84,15 +85,12 @@ class Oscillation:
                 lower = self._calm
             else:
                 self._hold = HOLD
-        self._event = now
         self.factor = lower if lower >= LEAST else self.factor
         for waves in self._waves:
             waves.clear()
 
     def _restore(self, now: float, error: FloatArray) -> None:
         """Try the full gains again if it is time, or if a joint has left its position."""
-        if 0.0 <= now - self._event < HALF_WAVES * LONGEST:
-            self._error = error
         has_moved = bool((np.abs(error - self._error) > MOVED).any())
         if has_moved or not 0.0 <= now - self._event < self._hold:
             self._trial, self._calm = -math.inf if has_moved else now, self.factor

@@ -55,7 +55,6 @@ LEAST_FREQUENCY = 2.0
 class CartesianImpedance(ModalImpedance):
     """The law τ = M q̈_ref + C q̇ + g + friction + τ_spring + D ė."""
 
-    is_soft = True
     PARAMETERS = (
         FRAME,
         LawParameter('cartesian.translation_stiffness', (500.0,), (

@@ -13,7 +13,6 @@ control of redundant robots*, ICRA 2003). Sampled feedback cannot control the fa
 """
 
 import math
-from typing import ClassVar
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -23,7 +22,6 @@ from robot_dynamics.control.laws.control_law import LawInput
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Tracking
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
-from robot_dynamics.references.active_trajectory import ActiveTrajectory
 
 LARGEST_FREQUENCY = DELAY_LAG / (CROSSOVER * LOOP_DELAY)
 """30 rad/s, of the fastest mode that a loop controls whose effort acts LOOP_DELAY late."""
@@ -36,9 +34,6 @@ NEARBY = 0.01
 class ModalImpedance(FollowingLaw):
     """A spring and a damper; a subclass defines `gains`, and `spring` if it is not K e."""
 
-    is_soft: ClassVar[bool] = False
-    """Whether q̈_ref is the mean while the effort acts: no stiff spring corrects its errors."""
-
     def __init__(
         self, feedback: ErrorFeedback, options: ControllerOptions, damping_ratio: FloatArray,
     ) -> None:
@@ -48,8 +43,8 @@ class ModalImpedance(FollowingLaw):
         self._damping_ratio = damping_ratio
         self._gains_at: tuple[UncheckedArmDynamics, FloatArray] | None = None
         """The dynamics and the position (n,) of the gains in use."""
-        self._last: tuple[ActiveTrajectory, int] | None = None
-        """The reference at the last state, and its stamp."""
+        self._aim = 0, np.zeros(n)
+        """Time [ns] until which the last effort acts, and the velocity (n,) of the reference."""
         self._K = self._D = np.zeros((n, n))
 
     def gains(
@@ -107,31 +102,22 @@ class ModalImpedance(FollowingLaw):
         return self._acceleration(state, tracking), spring + damper, s
 
     def _acceleration(self, state: LawInput, tracking: Tracking) -> FloatArray:
-        """Return q̈_ref (n,), or its mean while the effort acts."""
-        last, trajectory = self._last, state.trajectory
-        if not self.is_soft or trajectory is None:
+        """
+        Return the mean of q̈_ref (n,) while the effort acts: no stiff spring corrects its errors.
+
+        A set-point since the last state may have changed the reference. The effort before has then
+        accelerated the arm to `_aim`, the velocity of the reference at that time; this one makes
+        up for the rest.
+        """
+        trajectory, begin = state.trajectory, self._aim
+        if trajectory is None or not state.lag:
             return tracking.acceleration
-        self._last = trajectory, state.stamp_ns
-        if 2.0 * state.lag <= LOOP_DELAY:
+        end_ns = state.stamp_ns + round(1e9 * (2.0 * state.lag - 0.5 * LOOP_DELAY))
+        self._aim = end_ns, trajectory.sample(end_ns).velocity
+        T, period = 1e-9 * (end_ns - begin[0]), 2.0 * state.lag - LOOP_DELAY
+        if not 0.0 < T < 2.0 * period or trajectory.is_from_measurement:
             return tracking.acceleration
-        return _mean_acceleration(trajectory, state, last)
-
-
-def _mean_acceleration(
-    trajectory: ActiveTrajectory, state: LawInput, last: tuple[ActiveTrajectory, int] | None,
-) -> FloatArray:
-    """
-    Return the mean acceleration (n,) of a reference while the effort of a state acts.
-
-    A set-point since the last state may have changed the reference. The effort before has then
-    accelerated the arm to the velocity of the `last` reference; this one makes up for the rest.
-    """
-    begin, T = state.stamp_ns + round(0.5e9 * LOOP_DELAY), 2.0 * state.lag - LOOP_DELAY
-    before = trajectory
-    if last is not None and trajectory.continues(last[0]):
-        before, T = last[0], max(T, 1e-9 * (state.stamp_ns - last[1]))
-    v = trajectory.sample(begin + round(1e9 * T)).velocity
-    return np.asarray((v - before.sample(begin).velocity) / T)
+        return np.asarray((self._aim[1] - begin[1]) / T)
 
 
 def root_of(M: FloatArray) -> FloatArray:
