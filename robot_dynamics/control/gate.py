@@ -8,8 +8,8 @@ A state that cannot follow the last one, by its stamp or its position, is missin
 (`state_plausibility`). Then each joint is judged.
 
 The velocity of a joint is the measured one as long as it agrees with the positions, else the
-difference quotient d of the positions over SPAN, or over one period of the states if that is
-longer: v = (q_k − q_j) / (t_k − t_j) with t_k − t_j ≥ SPAN. It is late by half of this span
+difference quotient d of the positions over SPAN_NS, or over one period of the states if that is
+longer: v = (q_k − q_j) / (t_k − t_j) with t_k − t_j ≥ SPAN_NS. It is late by half of this span
 (P. R. Bélanger, "Estimation of angular velocity and acceleration from shaft encoder measurements",
 IEEE Int. Conf. Robotics and Automation, 1992). No velocity can therefore drive an arm away, and a
 wrong judgement costs only bandwidth:
@@ -33,7 +33,6 @@ repeats in motion, there is no new state; without a command, brakes may hold the
 
 from collections import deque
 from collections.abc import Callable
-from math import exp
 from typing import NamedTuple
 
 import numpy as np
@@ -46,10 +45,9 @@ from robot_dynamics.monitoring.state_plausibility import (
     StateVerdict,
 )
 
-SPAN = 0.008
-"""[s]"""
-LEAST_SPAN = SPAN / 4.0
-"""[s]; stamps of a shorter span, after a first state, are too inexact."""
+SPAN_NS = 8_000_000
+LEAST_SPAN_NS = SPAN_NS // 4
+"""Stamps of a shorter span, after a first state, are too inexact."""
 FAR, MISSED = 0.5, 2
 """Share of the velocity limit, which is at most LARGEST_SPEED, and samples."""
 FLOOR, RATIO = 0.003, 0.3
@@ -64,7 +62,6 @@ LOST = SafetyOptions.state_timeout
 """[s] for which a joint is assumed to move on without a new sample, as an arm without states."""
 DECAY = DEFAULT_NATURAL_FREQUENCY
 """[1/s] with which it then stops: `braking.FAULT_DAMPING` times K_d of the default gains."""
-_SPAN_NS = round(SPAN * NANOSECONDS_PER_SECOND)
 _LOST_NS = round(LOST * NANOSECONDS_PER_SECOND)
 _PAUSE_NS = NANOSECONDS_PER_SECOND // 2
 """[ns] between two states after which the difference of their positions gives no velocity."""
@@ -109,12 +106,11 @@ class Gate:
         """
         self.plausibility = StatePlausibility(joint_names, velocity_limit, max_age, wraps)
         self._reference, self._is_held, self._is_commanded = reference, is_held, is_commanded
-        n = len(wraps)
         self._wraps, self._any_wraps = wraps, bool(wraps.any())
         self._far: list[float] = (FAR * np.minimum(velocity_limit, LARGEST_SPEED)).tolist()
-        self._agreed = [AGREEMENT] * n
+        self._agreed = [AGREEMENT] * len(wraps)
         """[s] in motion for which the velocity of each joint has agreed with its positions."""
-        self._measured: FloatArray = np.full(n, np.nan)
+        self._measured: FloatArray = np.full(len(wraps), np.nan)
         self._measured_v: FloatArray | None = None
         self._first(StateVerdict(False), self._measured)
 
@@ -195,11 +191,11 @@ class Gate:
         """Return that of the positions (n,), that of missing joints continued, and its span."""
         ways, last_v = self._ways, self._signals.v
         ways.append((stamp_ns, ways[-1][1] + step))
-        while len(ways) > 2 and stamp_ns - ways[1][0] >= _SPAN_NS:
+        while len(ways) > 2 and stamp_ns - ways[1][0] >= SPAN_NS:
             ways.popleft()
-        begin_ns, begin = ways[0]
+        (begin_ns, begin), (_, end) = ways[0], ways[-1]
         span = (stamp_ns - begin_ns) / NANOSECONDS_PER_SECOND
-        d = (ways[-1][1] - begin) / span if span >= LEAST_SPAN else last_v
+        d = (end - begin) / span if stamp_ns - begin_ns >= LEAST_SPAN_NS else last_v
         return np.where(self._missing_ns > 0, last_v, d) if self._is_missing else d, span
 
     def _agreeing(
@@ -278,13 +274,15 @@ class Gate:
         """
         last, dt, was_missing = self._signals, 1e-9 * passed_ns, self._missing_ns > 0
         missing = same & (left | was_missing | self._fast)
+        if not (self._is_missing or missing.any()):
+            return q, step
         missing_ns = np.where(left & ~was_missing, _LOST_NS, self._missing_ns)
         self._missing_ns = np.where(missing, missing_ns + passed_ns, 0)
         self._is_missing = bool(missing.any())
         lost = self._missing_ns > _LOST_NS
         self._lost = lost if lost.any() else None
         self.plausibility.unseen = self._missing_ns / NANOSECONDS_PER_SECOND
-        v = np.where(lost, exp(-DECAY * dt) * last.v, last.v)
+        v = np.where(lost, np.exp(-DECAY * dt) * last.v, last.v)
         self._signals = last._replace(v=v)
         step = np.where(missing | was_missing, dt * v, step)
         return np.where(missing, last.q + step, q), step
