@@ -6,9 +6,10 @@
 from collections.abc import Iterator
 import math
 import random
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from jerk_motion import evaluate
+from optional_library import library
 import pytest
 from robot_dynamics.references.jerk_profile import (
     Bounds,
@@ -189,8 +190,7 @@ class Oracle:
     """The plans of `ruckig` for one joint, whose inputs are built once."""
 
     def __init__(self) -> None:
-        self.ruckig: Any = pytest.importorskip(
-            'ruckig', reason='the oracle has wheels for x86-64 only')
+        self.ruckig = library('ruckig')
         self._otg, self._plan = self.ruckig.Ruckig(1), self.ruckig.Trajectory(1)
         self._input = self.ruckig.InputParameter(1)
         self._input.current_position = self._input.target_acceleration = [0.0]

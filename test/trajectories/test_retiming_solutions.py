@@ -5,6 +5,7 @@
 
 
 import numpy as np
+from optional_library import library
 import pytest
 from retimed import frictionless, hinge, INERTIA, largest_ratio, OPEN, poses, speed_up_and_down
 from robot_dynamics.joints.actuator import make_actuators
@@ -85,7 +86,7 @@ def test_the_voltage_of_a_motor_limits_its_speed():
 
 @pytest.mark.parametrize('name', ['panda', 'ur10'])
 def test_durations_are_those_of_toppra(name):
-    toppra = pytest.importorskip('toppra', reason='the oracle has wheels for x86-64 only')
+    toppra = library('toppra')
     toppra.setup_logging('ERROR')
     arm = frictionless(arm_without_gripper(name))
     dynamics = ArmDynamics(arm)

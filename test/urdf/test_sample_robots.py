@@ -11,10 +11,12 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.urdf import sample_robots
 from robot_dynamics.urdf.description_file import description_path, read_description_file
 from robot_dynamics.urdf.sample_robots import SAMPLE_ROBOTS
+from robots import robot_path
 
 
 @pytest.mark.parametrize('name', SAMPLE_ROBOTS)
 def test_each_name_is_an_arm(name):
+    robot_path(name)  # skips the test without the package
     arm = load_arm(read_description_file(name, '--urdf'))
     assert arm.joint_count >= 6
     assert (arm.limits.effort > 0.0).all()
