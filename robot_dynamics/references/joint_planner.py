@@ -31,7 +31,6 @@ _ROUNDING = 1e-9
 """Tolerance [rad] or [m] of positions, of velocities per second, and [s] of times."""
 
 
-
 class PlannerLimits(NamedTuple):
     """
     Limits of the position, bounds of the motion, and the scale of its velocities.
@@ -84,13 +83,14 @@ class JointPlanner:
 
     @property
     def stop_time(self) -> float:
-        """The duration [s] of the earliest stop with the lowered limits."""
-        return duration(stop(*self._state[1:], self.limits.lowered))
+        """The duration [s] of the earliest stop with the lowered limits, or of their longest."""
+        lowered = self.limits.lowered
+        return min(duration(stop(*self._state[1:], lowered)),
+                   lowered.v_max / lowered.a_max + lowered.a_max / lowered.jerk)
 
     def to_rest(self, goal: float, earliest: float = 0.0) -> Phases:
         """Return the motion to rest at a goal, after `earliest` [s] or later."""
-        limits = self.limits
-        problem = (goal - self.q, *self._state[1:])
+        problem, limits = (goal - self.q, *self._state[1:]), self.limits
         for phases in _motions(problem, limits.lowered, earliest, earliest):
             if self._is_in_hull(phases, limits.full, goal, goal):
                 return phases
