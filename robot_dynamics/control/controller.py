@@ -21,7 +21,7 @@ from robot_dynamics.control.followed_reference import FollowedReference, LastSta
 from robot_dynamics.control.gains.gain_scaling import StableGains
 from robot_dynamics.control.laws.control_law import ControlLaw, LawInput, LawTopic
 from robot_dynamics.control.laws.error_feedback import Tracking
-from robot_dynamics.control.laws.law_table import NO_COMMAND
+from robot_dynamics.control.laws.law_table import all_laws, NO_COMMAND
 from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_bounds import EffortBounds, NOTHING, robot_effort
@@ -130,7 +130,11 @@ class Controller:
 
     def _check_follows(self) -> tuple[int, FloatArray, FloatArray]:
         """Return the last state; raise TrajectoryError if no reference can start from it."""
-        self.laws.check_follows()
+        if not self.laws.follows:
+            names = [name for name, law in all_laws().items() if getattr(law, 'follows', True)]
+            raise TrajectoryError(
+                f'command is {self.options.command!r}, expected '
+                f'{" or ".join(map(repr, names))} to follow a reference')
         if self.state is None:
             raise TrajectoryError(
                 'no joint state has been received, so that there is no state to start from')

@@ -10,9 +10,8 @@ from robot_dynamics.control.gains.oscillation import Oscillation
 from robot_dynamics.control.laws.computed_torque import ComputedTorque
 from robot_dynamics.control.laws.control_law import ControlLaw, GravityCompensation
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
-from robot_dynamics.control.laws.law_table import all_laws, make_law, NO_COMMAND
+from robot_dynamics.control.laws.law_table import make_law, NO_COMMAND
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.references.motion_limits import WorkspaceInertia
 
@@ -33,7 +32,7 @@ class ScaledLaws:
 
         Raises InvalidInputError for an unknown law.
         """
-        self._options, self._gains = options, gains
+        self._scales, self._gains = options.scales_gains, gains
         self.oscillation = Oscillation(arm.joint_names, gains)
         self.feedback = ErrorFeedback(
             options.gains, arm.joint_kinds, options.largest_error(arm.limits.velocity))
@@ -51,22 +50,14 @@ class ScaledLaws:
             ComputedTorque(self.feedback, options))
         """The law that follows the reference."""
 
-    def check_follows(self) -> None:
-        """Raise TrajectoryError if the law does not follow references."""
-        if not self.follows:
-            names = [name for name, law in all_laws().items() if getattr(law, 'follows', True)]
-            raise TrajectoryError(
-                f'command is {self._options.command!r}, expected '
-                f'{" or ".join(map(repr, names))} to follow a reference')
-
     def limit(self, workspace: WorkspaceInertia, rate: FloatArray) -> None:
         """Derive the gains of the loop from M(q), and limit the efforts to a rate (n,) [N·m/s]."""
         law = self.with_reference
         self.loop_gains = loop_gains(law.closed_loop, workspace.matrices)
-        if self._options.scales_gains:
+        if self._scales:
             law.limit_rate(rate, workspace.row_sums())
         self._gains.set_loop_gains(
-            self.loop_gains if self._options.scales_gains else None, rate)
+            self.loop_gains if self._scales else None, rate)
         self.scale()
 
     def scale(self) -> None:

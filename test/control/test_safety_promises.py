@@ -380,7 +380,7 @@ def test_the_scale_of_a_velocity_may_be_wrong_by_30_percent(factor, is_consisten
 # --- gains.md ------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('load', 'rate', 'steady', 'largest'), [
-    (1.0, 125.0, 0.052, 0.062), (4.0, 125.0, 0.215, 0.277)])
+    (1.0, 125.0, 0.052, 0.056), (4.0, 125.0, 0.215, 0.263)])
 def test_the_sag_under_an_unknown_load(load, rate, steady, largest):
     """gains.md: errors of the second joint, held at 0.3 rad at both joints."""
     q = np.array([0.3, 0.3])
@@ -408,7 +408,8 @@ def test_the_node_has_the_defaults_of_the_loop():
     assert {name: values[name] for name in DEFAULTS} == DEFAULTS
     loop = ControlLoop.of_arm(LIMITED)
     supervisor = loop.supervisor
-    assert repr(parameters.options_from(values, LIMITED)) == repr(loop.controller.options)
+    options = replace(parameters.options_from(values, LIMITED), parameters={})
+    assert repr(options) == repr(loop.controller.options)
     assert parameters.safety_options(values) == supervisor.options
     assert repr(parameters.effort_limits(values, LIMITED)) == repr(supervisor.limiter.limits)
 

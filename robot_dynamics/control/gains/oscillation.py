@@ -78,14 +78,10 @@ class Oscillation:
         return self.factor != before
 
     def _lower(self, now: float) -> None:
-        lower = STEP * self.factor
+        returns = self.factor == 1.0 and 0.0 <= now - self._trial < 2.0 * self._hold
         if self.factor == 1.0:
-            self._hold = 2.0 * self._hold
-            if 0.0 <= now - self._trial < self._hold:
-                lower = self._calm
-            else:
-                self._hold = HOLD
-        self.factor = lower if lower >= LEAST else self.factor
+            self._hold = 2.0 * self._hold if returns else HOLD
+        self.factor = self._calm if returns else max(STEP * self.factor, LEAST)
         for waves in self._waves:
             waves.clear()
 
