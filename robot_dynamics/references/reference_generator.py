@@ -43,21 +43,13 @@ from robot_dynamics.trajectories.joint_trajectory import (
 from robot_dynamics.validation import check_vector, LARGEST_VALUE
 
 SET_POINT_MAX_AGE_NS = NANOSECONDS_PER_SECOND
-"""
-[ns] after its time until which a set-point counts as due now.
-
-A sender that stamps with its own clock is always late by the transport delay.
-"""
+"""[ns] until which a set-point is due now: a sender with a clock of its own is always late."""
 LONGEST_PERIOD = 0.5
 """Largest interval [s] between two set-points of one stream."""
 HORIZON = 0.1
 """Shortest time [s] in which the last position of a stream without velocities is reached."""
 PERIODS = 4.0
-"""
-The same time in periods of the stream; the mean period is that of twice as many intervals.
-
-The reference lags by 2/3 of the longest time.
-"""
+"""The same time in periods, whose mean is that of twice as many. The lag is 2/3 of the time."""
 FIRST_PERIOD = HORIZON / PERIODS
 """Period [s] of a stream before its second set-point."""
 ON_PATH = 1e-6
@@ -90,8 +82,7 @@ class ReferenceGenerator:
         """
         self.joint_names = tuple(joint_names)
         self._continuous = [j for j, name in enumerate(joint_names) if name in continuous_joints]
-        self.limits = limits
-        self.stream_timeout = stream_timeout
+        self.limits, self.stream_timeout = limits, stream_timeout
         self.active: ActiveTrajectory | None = None
         self._set_point: tuple[int, TrajectoryPoint] | None = None
         """The last set-point of the stream, and when it arrived [ns]."""
