@@ -28,12 +28,11 @@ NO_SLOWER = 1.001
 """Factor of the duration from which a goal counts as slowed down."""
 MOVED, REST_TIME_NS = 5e-4, 20_000_000
 """An arm at rest moves less than MOVED [rad] or [m] in REST_TIME_NS [ns], at most at this rate."""
-LONGEST_STOP = 5.0
-"""[s] after a planned stop within which the arm must be at rest."""
 DEFAULT_GOAL_TOLERANCE = 0.01
 """Default distance [rad] or [m] from the goal at which it is reached."""
 DEFAULT_GOAL_TIME = 5.0
-"""[s] after the end of the trajectory for the arm to reach the goal, without a given time."""
+"""[s] after the end of the trajectory for the arm to reach the goal, without a given time; also
+after the planned stop of a cancelled goal for the arm to be at rest."""
 
 
 class ResultCode(Enum):
@@ -139,10 +138,10 @@ class TrajectoryGoal:
         if self.is_stopping:
             if late >= 0.0 and self._is_at_rest():
                 self.end(ResultCode.INVALID_GOAL, 'cancelled: the arm is at rest', True)
-            elif late > LONGEST_STOP:
+            elif late > DEFAULT_GOAL_TIME:
                 self.end(
                     ResultCode.GOAL_TOLERANCE_VIOLATED,
-                    f'cancelled, but the arm is not at rest {LONGEST_STOP:g} s after its stop')
+                    f'cancelled, but the arm is not at rest {DEFAULT_GOAL_TIME:g} s after its stop')
             return
         e = self._controller.position_error(desired.position, q)
         e_v = desired.velocity - v

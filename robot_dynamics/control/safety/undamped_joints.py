@@ -13,8 +13,9 @@ A joint moves others: after the first one, all that are too fast are released.
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
 
-WINDOW = 0.024
+WINDOW = 3.0 * LOOP_DELAY
 """[s]: an effort acts up to 16 ms late; then it brakes a joint within a few states."""
 NOISE = 0.05
 """[rad/s] or [m/s] that a measured speed may grow by noise."""
