@@ -141,7 +141,8 @@ class TrajectoryGoal:
             elif late > DEFAULT_GOAL_TIME:
                 self.end(
                     ResultCode.GOAL_TOLERANCE_VIOLATED,
-                    f'cancelled, but the arm is not at rest {DEFAULT_GOAL_TIME:g} s after its stop')
+                    f'cancelled, but the arm is not at rest {DEFAULT_GOAL_TIME:g} s after its '
+                    'stop')
             return
         e = self._controller.position_error(desired.position, q)
         e_v = desired.velocity - v
