@@ -21,6 +21,7 @@ from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_urdf
 
+
 @pytest.fixture(params=['kinova', 'panda', 'tiago_pro'])
 def real(request):
     return case_of(robot_urdf(request.param), np.random.default_rng(7), some_locked=False)

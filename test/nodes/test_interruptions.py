@@ -33,7 +33,6 @@ from robot_dynamics_interfaces.srv import InverseDynamicsBatch
 from ros_harness import LONG, RosClient, TIMEOUT, wait_until
 from std_srvs.srv import Trigger
 
-
 # --- trajectories that are sent while no reference can be followed ------------------------------
 
 @fault(GROUP, 'a trajectory and a set-point during a timeout of the joint states',

@@ -27,7 +27,8 @@ def chain(joints: int) -> str:
     """Return a serial chain."""
     link = '<link name="l{}"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" ' \
         'iyy="1" iyz="0" izz="1"/></inertial></link>'
-    joint = '<joint name="j{0}" type="continuous"><parent link="l{0}"/><child link="l{1}"/></joint>'
+    joint = '<joint name="j{0}" type="continuous"><parent link="l{0}"/>' \
+        '<child link="l{1}"/></joint>'
     links = ''.join(link.format(i) for i in range(joints + 1))
     joined = ''.join(joint.format(i, i + 1) for i in range(joints))
     return f'<robot name="chain">{links}{joined}</robot>'
