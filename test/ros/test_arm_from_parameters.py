@@ -16,7 +16,10 @@ from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parame
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.ros.dynamics.parameters import SPECS
 from robot_dynamics.ros.parameters.declared_parameters import DeclaredParameters
-from robot_dynamics.ros.parameters.robot_description import check_joint_count
+from robot_dynamics.ros.parameters.robot_description import (
+    check_joint_count,
+    SIMULATED_ACTUATOR_SPECS,
+)
 import yaml
 
 GEARED = default_arm_urdf().replace(
@@ -41,7 +44,7 @@ EVERYTHING = {
 
 
 def values_of_node(path: Path) -> dict[str, Any]:
-    """Return the values that a node `dynamics` declares, started with a parameter file."""
+    """Return the values that a node declares for both nodes, started with a parameter file."""
     context = Context()
     context.init(['--ros-args', '--params-file', str(path)])
     try:
@@ -49,7 +52,9 @@ def values_of_node(path: Path) -> dict[str, Any]:
                     enable_rosout=False)
         try:
             return dict(
-                DeclaredParameters(node, SPECS, lambda _: None, lambda _: None).values)
+                DeclaredParameters(
+                    node, (*SPECS, *SIMULATED_ACTUATOR_SPECS), lambda _: None,
+                    lambda _: None).values)
         finally:
             node.destroy_node()
     finally:
