@@ -19,6 +19,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.followed_reference import FollowedReference, LastState, Prepared
 from robot_dynamics.control.gains.gain_scaling import StableGains
+from robot_dynamics.control.gains.oscillation import FLOOR
 from robot_dynamics.control.laws.control_law import ControlLaw, LawInput, LawTopic
 from robot_dynamics.control.laws.error_feedback import Tracking
 from robot_dynamics.control.laws.law_table import all_laws, NO_COMMAND
@@ -303,8 +304,10 @@ class Controller:
             return
         (stamp_ns, _, v), is_in_contact = state, laws.with_reference.is_in_contact
         has_changed = self.gains.take(*self._interval, v, is_in_contact)
-        if tracking is not None and not is_in_contact:
-            has_changed |= laws.oscillation.take(
+        oscillation = laws.oscillation
+        if tracking is not None and self.gains.is_known and not is_in_contact and (
+                tracking.largest > FLOOR or oscillation.factor < 1.0):
+            has_changed |= oscillation.take(
                 1e-9 * stamp_ns, tracking.error, tracking.velocity - v)
         if has_changed:
             laws.scale()

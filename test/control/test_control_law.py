@@ -135,6 +135,7 @@ def test_the_feedback_along_a_segment_is_that_of_the_sampled_reference(
     assert found.velocity == pytest.approx(reference.velocity, rel=1e-9, abs=1e-8)
     assert found.error == pytest.approx(e, rel=1e-9, abs=1e-8)
     assert found.exceeds_limit == bool((np.abs(e) > limit).any())
+    assert found.largest == pytest.approx(np.abs(reference.velocity - v).max(), rel=1e-9)
 
 
 def test_each_segment_is_followed_also_if_the_time_goes_back():

@@ -112,17 +112,14 @@ class StableGains:
         """[s] between the states, the shorter of two intervals: a single long one is a gap."""
         self.noise: FloatArray = np.zeros(n)
         """The standard deviation of the velocity (n,)."""
+        self.is_known = False
+        """Whether the noise is known."""
         self._velocity_delay = self._rated_period = 0.0
         self._gains: LoopGains | None = None
         self._effort_rate: FloatArray = np.full(n, math.inf)
         self._interval = math.inf
         self._block: deque[FloatArray] = deque(maxlen=BLOCK)
         """Velocities (n,), NaN after a gap."""
-
-    @property
-    def is_known(self) -> bool:
-        """Whether the period is known."""
-        return self.period > 0.0
 
     def set_loop_gains(self, gains: LoopGains | None, effort_rate: FloatArray) -> None:
         """
@@ -163,7 +160,9 @@ class StableGains:
         second = np.diff(np.array(self._block), 2, axis=0)
         second = second[np.isfinite(second).all(axis=1)]
         if len(second):
-            self.noise = np.sqrt(0.5 * (self.noise**2 + (second * second).mean(axis=0) / 6.0))
+            variance = (second * second).mean(axis=0) / 6.0
+            before = self.noise**2 if self.is_known else variance
+            self.noise, self.is_known = np.sqrt(0.5 * (before + variance)), True
         self._block.clear()
 
     def __str__(self) -> str:

@@ -64,17 +64,16 @@ class Oscillation:
 
     def take(self, now: float, error: FloatArray, velocity_error: FloatArray) -> bool:
         """Take the errors of a state (n,) at a time [s]; return whether `factor` changes."""
-        x, before = velocity_error.tolist(), self.factor
+        before, noise = self.factor, (NOISE_FACTOR * self._gains.noise).tolist()
         if before < 1.0:
             self._restore(now, error)
-        if max(x) > FLOOR or min(x) < -FLOOR:
-            noise = (NOISE_FACTOR * self._gains.noise).tolist()
-            for name, waves, one, least in zip(self._names, self._waves, x, noise):
-                if abs(one) > max(FLOOR, least) and (frequency := _sustained(waves, now, one)):
-                    self._cause = f'{name!r} oscillated with {frequency:.0f} Hz'
-                    self._event, self._error = now, error
-                    self._lower(now)
-                    break
+        for name, waves, x, least in zip(
+                self._names, self._waves, velocity_error.tolist(), noise):
+            if abs(x) > max(FLOOR, least) and (frequency := _sustained(waves, now, x)):
+                self._cause = f'{name!r} oscillated with {frequency:.0f} Hz'
+                self._event, self._error = now, error
+                self._lower(now)
+                break
         return self.factor != before
 
     def _lower(self, now: float) -> None:

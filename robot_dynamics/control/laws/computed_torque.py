@@ -119,14 +119,15 @@ class ComputedTorque(FollowingLaw):
     def __init__(self, feedback: ErrorFeedback, options: ControllerOptions) -> None:
         super().__init__(feedback, options)
         self._full_feedback, self.ratio = feedback, feedback.gains.ratio
-        self._free_change = np.inf
-        """(K_p + K_d²) ė up to which s is 1 in any pose."""
+        self._free = np.inf
+        """ė up to which s is 1 in any pose."""
 
     def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:
         """Limit the change of the feedback to a fraction of the rate limit of the effort."""
         super().limit_rate(effort_rate, inertia)
-        self._free_change = CHANGE_FRACTION * float(
-            (effort_rate / np.maximum(inertia, 1e-12)).min(initial=np.inf))
+        change = self._full_feedback.gains.change.max(initial=0.0) * inertia
+        self._free = CHANGE_FRACTION * float(
+            (effort_rate / np.maximum(change, 1e-12)).min(initial=np.inf))
 
     def closed_loop(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the gains, which are accelerations per error in any pose."""
@@ -144,7 +145,7 @@ class ComputedTorque(FollowingLaw):
         self, state: LawInput, tracking: Tracking,
     ) -> tuple[FloatArray, FloatArray | None, float]:
         """Return the acceleration with its feedback, limited for large errors."""
-        if tracking.change <= self._free_change:
+        if tracking.largest <= self._free:
             return tracking.acceleration, None, 1.0
         gains, e_dot = self.feedback.gains, tracking.velocity - state.v
         M = state.dynamics.rigid_body.mass_matrix(state.q)

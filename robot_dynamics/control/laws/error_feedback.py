@@ -89,15 +89,14 @@ class Tracking(NamedTuple):
 
     `acceleration` is q̈_ref + K_d ė + K_p e [rad/s² or m/s²]. `velocity` is q̇_ref [rad/s or m/s],
     and `error` is e, at which friction is compensated. `exceeds_limit` is true if the error of a
-    joint exceeds its limit. `change` is the largest of |(K_p + K_d²) ė|, the rate at which the
-    feedback changes (`ComputedTorque`).
+    joint exceeds its limit. `largest` is the largest |ė|.
     """
 
     acceleration: FloatArray
     velocity: FloatArray
     error: FloatArray
     exceeds_limit: bool
-    change: float
+    largest: float
 
 
 class ErrorFeedback:
@@ -133,7 +132,7 @@ class ErrorFeedback:
         s = 1e-9 * (now_ns - segment.begin_ns) / segment.duration
         acceleration, velocity, error, exceeds_limit, largest = [], [], [], False, 0.0
         for ((p0, p1, p2, p3, p4, p5), (d0, d1, d2, d3, d4, _), (dd0, dd1, dd2, dd3, _, _),
-             K_p, K_d, K_c, turns, e_max), q_j, v_j in zip(
+             K_p, K_d, turns, e_max), q_j, v_j in zip(
                 self._joints, q.tolist(), v.tolist()):
             e = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5)))) - q_j
             if turns and not -pi < e <= pi:
@@ -146,9 +145,8 @@ class ErrorFeedback:
                 dd0 + s * (dd1 + s * (dd2 + s * dd3)) + K_d * e_dot + K_p * e)
             velocity.append(v_ref)
             error.append(e)
-            change = K_c * e_dot
-            if not -largest <= change <= largest:
-                largest = abs(change)
+            if not -largest <= e_dot <= largest:
+                largest = abs(e_dot)
         return Tracking(
             np.array(acceleration), np.array(velocity), np.array(error), exceeds_limit, largest)
 
@@ -160,7 +158,7 @@ class ErrorFeedback:
             segment.coefficients[:, k * n:(k + 1) * n].T.tolist() for k in range(3))
         self._joints = list(zip(
             position, velocity, acceleration, self.gains.kp.tolist(), self.gains.kd.tolist(),
-            self.gains.change.tolist(), self._turns, self.largest_error.tolist()))
+            self._turns, self.largest_error.tolist()))
         self._reference, self._segment = reference, segment
         return segment
 
