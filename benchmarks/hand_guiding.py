@@ -152,8 +152,10 @@ def simulate(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the motion (m, n) each of a guided arm, one row per ms."""
     arm = arm_of(one.name)
-    loop = ControlLoop.of_arm(
-        arm, command='hand_guiding', parameters={'hand_guiding.friction_share': share})
+    loop = ControlLoop.of_arm(arm, command='hand_guiding')
+    law = loop.controller.law
+    assert isinstance(law, HandGuiding)
+    law.friction_share = share
     pending, effort, states = deque[tuple[int, FloatArray]](), None, []
     for k in range(round(1e3 * seconds)):
         if k % one.period == 0:
@@ -174,7 +176,7 @@ def push_ratio(one: Setting) -> float:
     M, friction = ArmDynamics(arm_of(one.name)).mass_matrix(one.q), arm_of(one.name).friction
     speed, pushes = float(one.rng.choice(SPEEDS)), []
     stiffness = (friction.coulomb[one.j] + friction.viscous[one.j] * speed) / YIELD
-    for share in (SHARE, 0.0):
+    for share in (SHARE, 1e-9):
         total: list[float] = []
 
         def push(k: int, plant: Plant, total: list[float] = total) -> FloatArray:
@@ -227,8 +229,7 @@ def impact(
     wall = one.q[j] + sign * WALL_WAY
     rest, spring = wall + sign * WALL_WAY, hand * dynamics.mass_matrix(one.q)[j, j]
     leader, follower = Plant(arm, one.q), Plant(arm, one.q)
-    guided = ControlLoop.of_arm(
-        arm, command='hand_guiding', parameters={'hand_guiding.feedback_gain': 0.5})
+    guided = ControlLoop.of_arm(arm, command='hand_guiding')
     law = guided.controller.law
     assert isinstance(law, HandGuiding)
     moved, observer = ControlLoop.of_arm(arm), ExternalEffort(dynamics, 10.0)

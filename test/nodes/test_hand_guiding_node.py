@@ -12,14 +12,14 @@ from ros_harness import LONG, UNHURRIED, wait_until
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 
-LAW = {'command': 'hand_guiding', 'joints': NAMES, 'hand_guiding.feedback_gain': [0.5]}
+LAW = {'command': 'hand_guiding', 'joints': NAMES}
 ROUGH = {'friction.coulomb': [8.0]}
 """Dry friction [N·m] that holds the arm against the forces that are felt."""
 ARM = default_dynamics()
 
 
 def test_a_force_is_felt_and_ends_with_its_messages(client):
-    force = JointState(name=['gripper', *NAMES[::-1]], effort=[1.0, -6.0, 4.0])
+    force = JointState(name=['gripper', *NAMES[::-1]], effort=[1.0, -10.0, 8.0])
 
     def excess(message: JointState) -> np.ndarray:
         at = states.messages[-1].position
@@ -38,8 +38,8 @@ def test_a_force_is_felt_and_ends_with_its_messages(client):
                 deviations.publish(JointState(name=NAMES, effort=deviation))
             publisher.publish(force)
             return bool(np.allclose(excess(efforts.messages[-1]), expected, atol=0.1))
-        wait_until(lambda: is_felt(2.0, -3.0), 'the force', LONG)
-        wait_until(lambda: is_felt(1.0, -2.0, deviation=[1.0, 1.0]), 'two deviations less', LONG)
+        wait_until(lambda: is_felt(2.4, -3.0), 'the force', LONG)
+        wait_until(lambda: is_felt(1.8, -2.4, deviation=[1.0, 1.0]), 'two deviations less', LONG)
         wait_until(lambda: bool(np.abs(excess(efforts.messages[-1])).max() < 0.1), 'its end', LONG)
         guided.provoke(lambda: publisher.publish(JointState(name=['joint1'], effort=[1.0])),
                        re.escape("name leaves out ['joint2']"))

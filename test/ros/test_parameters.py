@@ -39,12 +39,8 @@ STATED = {
         'state_timeout': (0.05, 0.001, 60.0), 'state_max_age': (0.2, 0.0, 60.0),
         'reference_timeout': (0.1, 0.001, 60.0), 'hold_time': (1.0, 0.0, 3600.0),
         'ramp_time': (0.5, 0.0, 60.0), 'effort_limit_fraction': (1.0, 0.0, 1.0),
-        'hand_guiding.friction_share': ([0.6], 0.0, 0.7),
-        'hand_guiding.feedback_gain': ([0.3], 0.0, 0.5),
-        'impedance.damping_ratio': ([1.0], 0.2, 1e4), 'cartesian.damping_ratio': (1.0, 0.2, 1e4),
         'cartesian.translation_stiffness': ([500.0], 0.0, 1e9),
         'cartesian.rotation_stiffness': (30.0, 0.0, 1e9),
-        'cartesian.null_space_frequency': (10.0, 0.0, 30.0),
         'cartesian.force_limit': (100.0, 0.0, 1e4), 'cartesian.torque_limit': (30.0, 0.0, 1e4),
         'external_effort_bandwidth': (10.0, 0.01, 1000.0)},
     ARM_NODE: {

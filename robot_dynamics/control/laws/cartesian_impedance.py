@@ -19,7 +19,7 @@ S J = U σ Vᵀ, B = L⁻¹ V and weights w = min(1, σ/σ_0)², N = I − B √
 Y = √w BᵀB √w + m (1 − w); m is the mean of the diagonal of BᵀB.
 
 A K Aᵀ + ω_n² N = V Ω² Vᵀ contains the double diagonalisation of Λ and K of `modal_impedance`,
-because Λ⁻¹ = AᵀA, and the same for the posture. D = 2 ζ L V min(Ω, Ω_c) Vᵀ Lᵀ with
+because Λ⁻¹ = AᵀA, and the same for the posture. D = 2 L V min(Ω, Ω_c) Vᵀ Lᵀ with
 Ω ≥ LEAST_FREQUENCY damps each direction for itself, and C = L V min(1, Ω_c²/Ω²) Vᵀ L⁻¹ slows down
 the fast ones. A joint that approaches a position limit faster than its reference, and faster than
 the limit is away, is braked, and so is one that is faster than its reference and than references
@@ -48,6 +48,8 @@ LENGTH, SINGULAR = 0.25, 0.1
 """[m] that weighs as much as 1 rad, and σ_0 [rad/rad] or [rad/m]."""
 LIMIT_MARGIN, LIMIT_SHARE = 0.05, 0.1
 """[rad] or [m] before a position limit, at most this share of the range, where a joint stops."""
+NULL_SPACE_FREQUENCY = 10.0
+"""[rad/s] of the posture, which does not move the frame: a third of Ω_c."""
 LEAST_FREQUENCY = 2.0
 """[rad/s] at which directions with little stiffness are damped at least."""
 
@@ -62,12 +64,6 @@ class CartesianImpedance(ModalImpedance):
             'the base frame.'), entries=('x', 'y', 'z')),
         LawParameter('cartesian.rotation_stiffness', 30.0, (
             'Stiffness [N·m/rad] of cartesian_impedance.')),
-        LawParameter('cartesian.damping_ratio', 1.0, (
-            'Damping ratio of cartesian_impedance in each direction, with the inertia in the '
-            'present configuration.'), 0.2, 1e4),
-        LawParameter('cartesian.null_space_frequency', 10.0, (
-            'Natural frequency [rad/s] of the posture of cartesian_impedance, which does not move '
-            'the frame.'), maximum=30.0),
         LawParameter('cartesian.force_limit', 100.0, (
             'Largest force [N] of the spring of cartesian_impedance.'), maximum=1e4),
         LawParameter('cartesian.torque_limit', 30.0, (
@@ -83,10 +79,10 @@ class CartesianImpedance(ModalImpedance):
             arm, replace(options, parameters={**options.parameters, FRAME.name: frame}))
 
     def __init__(self, feedback: ErrorFeedback, options: LawOptions) -> None:
-        (frame, translation, rotation, self._ratio, self._null_space_frequency, self._force_limit,
+        (frame, translation, rotation, self._force_limit,
          self._torque_limit) = options.parameters.values()
         arm, n = options.arm, options.arm.joint_count
-        super().__init__(feedback, options, np.full(n, self._ratio))
+        super().__init__(feedback, options)
         self._stiffness = np.array([*translation, rotation, rotation, rotation])
         self._frame = FrameKinematics(arm, frame)
         self._C = self._posture = self._M = self._inverse = np.zeros((n, n))
@@ -107,7 +103,7 @@ class CartesianImpedance(ModalImpedance):
             J = self._frame.jacobian(q)[2]
             self._inverse, N = inverse, self._null_space(J, inverse)
             A = inverse @ J.T
-            posture = self._null_space_frequency**2 * N
+            posture = NULL_SPACE_FREQUENCY**2 * N
             squares, V = np.linalg.eigh((A * self._stiffness) @ A.T + posture)
         except np.linalg.LinAlgError:  # the rounding of M, or no finite J
             self._C = self._posture = K = np.full_like(self._K, np.nan)
@@ -118,7 +114,7 @@ class CartesianImpedance(ModalImpedance):
         with np.errstate(divide='ignore'):
             self._C = (Q * np.minimum(1.0, (largest / natural)**2)) @ V.T @ inverse
         self._posture = L @ posture @ L.T
-        damping = 2.0 * self._ratio * np.maximum(omega, min(LEAST_FREQUENCY, largest))
+        damping = 2.0 * np.maximum(omega, min(LEAST_FREQUENCY, largest))
         damped = np.einsum('ij,ij->i', inverse.T @ (V * damping), Q)  # diagonal of M⁻¹ D
         self._brake = np.maximum(2.0 * largest - damped, 0.0) / np.einsum(
             'ij,ij->j', inverse, inverse)  # diagonal of M⁻¹

@@ -29,7 +29,7 @@ DELAY = 2.0 * LOOP_DELAY
 class ForceFeedback:
     """The force of n joints."""
 
-    def __init__(self, gain: FloatArray, effort_limit: FloatArray) -> None:
+    def __init__(self, gain: float, effort_limit: FloatArray) -> None:
         """`effort_limit` (n,) [N·m] or [N] is infinite for no limit."""
         self._gain = gain
         self._limit = np.where(
@@ -38,8 +38,8 @@ class ForceFeedback:
 
     def restart(self) -> None:
         """Empty the tanks; the leader has moved unobserved."""
-        self._energy = np.zeros_like(self._gain)
-        self._last = np.zeros_like(self._gain)
+        self._energy = np.zeros_like(self._limit)
+        self._last = np.zeros_like(self._limit)
 
     def effort(
         self, external: FloatArray, moved: FloatArray, v: FloatArray, dt: float,

@@ -63,10 +63,10 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.references.motion_limits import FRACTION
 from robot_dynamics.validation import check_named, LARGEST_VALUE
 
-SHARE = LawParameter('hand_guiding.friction_share', (0.6,), (
-    'Share of friction that hand_guiding compensates; one value for all joints or one per joint.'),
-    maximum=0.7)
-"""At most λ: below 1 of friction that is given 1.4 times too large."""
+LARGEST_SHARE, FRICTION_SHARE = 0.7, 0.6
+"""λ, below 1 of friction that is given 1.4 times too large, and α."""
+FEEDBACK_GAIN = 0.3
+"""Share of the effort of a follower that a person feels."""
 USUAL_SPEED, USUAL_TURN = 0.25, 1.0
 """Largest default speed limit of prismatic joints [m/s], and of others [rad/s]."""
 ROTOR = 200.0
@@ -102,27 +102,25 @@ class HandGuiding(ControlLaw):
 
     follows = False
     PARAMETERS = (
-        SHARE,
         LawParameter('hand_guiding.speed', (), (
             'Speed [rad/s] or [m/s] above which hand_guiding brakes a joint; one value for all '
             'joints or one per joint. If empty, half of the velocity limit, at most 1 rad/s or '
             '0.25 m/s.'), maximum=1e8),
-        LawParameter('hand_guiding.feedback_gain', (0.3,), (
-            'Share of the effort on ~/force_feedback that hand_guiding lets feel; one value for '
-            'all joints or one per joint.'), maximum=0.5),
     )
 
     def __init__(self, feedback: ErrorFeedback, options: LawOptions) -> None:
-        share, speed, gain = options.parameters.values()
+        speed, = options.parameters.values()
         arm, limits = options.arm, options.arm.limits
-        self._names, self._gains, self._friction_share = arm.joint_names, feedback.gains, share
+        self._names, self._gains = arm.joint_names, feedback.gains
+        self.friction_share = FRICTION_SHARE
+        """α, at most λ."""
         self._speed = _usual_speed(arm) if speed is None else speed
         self._lower, self._upper = np.clip(
             (limits.lower, limits.upper), -LARGEST_VALUE, LARGEST_VALUE)
         is_limited = np.isfinite(limits.effort)
         self._rotors = np.where(
             is_limited & (arm.reflected_inertia == 0.0), limits.effort / ROTOR, 0.0)
-        self._feedback = ForceFeedback(gain, limits.effort)
+        self._feedback = ForceFeedback(FEEDBACK_GAIN, limits.effort)
         self._last: tuple[int, FloatArray] | None = None
         self._zero = np.zeros(arm.joint_count)
         self._reversible = 0.5 * REVERSAL_TIME * np.asarray(options.effort_rate)
@@ -199,7 +197,7 @@ class HandGuiding(ControlLaw):
         dt: float, least: FloatArray, most: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """Return the compensation of friction (n,), and the dry friction that remains (n,)."""
-        alpha, w = self._friction_share, friction.tracking_width
+        alpha, w = self.friction_share, friction.tracking_width
         low = np.clip(least / FULL_SPEED, -1.0, 0.0)
         high = np.clip(most / FULL_SPEED, 0.0, 1.0)
         self._z = np.clip(
@@ -209,9 +207,7 @@ class HandGuiding(ControlLaw):
         dry = np.maximum(friction.at_rest.static, 1e-9)
         spare = np.clip(1.0 - MASS_ERROR * np.abs(gravity) / dry, 0.0, alpha)
         more = np.clip(LEAST_SHARE - spare, 0.0, alpha - spare)
-        direction = np.divide(
-            spare * self._z + more * np.clip(beyond, low, high), alpha,
-            out=np.zeros_like(alpha), where=alpha > 0.0)
+        direction = (spare * self._z + more * np.clip(beyond, low, high)) / alpha
         compensation = alpha * friction.directed_effort(v, direction, direction, gravity)
         return compensation, (1.0 - spare - more) * dry
 
@@ -225,7 +221,7 @@ class HandGuiding(ControlLaw):
         if not known:
             return 0.0
         supplied = energy - last + INERTIA * dt * (
-            SHARE.maximum * known - float(self._added @ v))
+            LARGEST_SHARE * known - float(self._added @ v))
         self._tank = min(max(self._tank + supplied / (CAPACITY * known), 0.0), 1.0)
         x = math.sqrt(2.0 * energy)
         if self._tank == 1.0:

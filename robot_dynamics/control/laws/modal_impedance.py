@@ -20,7 +20,7 @@ from robot_dynamics.control.gains.gain_scaling import CROSSOVER, DELAY_LAG, LOOP
 from robot_dynamics.control.laws.computed_torque import CHANGE_FRACTION, FollowingLaw
 from robot_dynamics.control.laws.control_law import LawInput
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Tracking
-from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.control.options import LawOptions
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 
 LARGEST_FREQUENCY = DELAY_LAG / (CROSSOVER * LOOP_DELAY)
@@ -34,13 +34,9 @@ NEARBY = 0.01
 class ModalImpedance(FollowingLaw):
     """A spring and a damper; a subclass defines `gains`, and `spring` if it is not K e."""
 
-    def __init__(
-        self, feedback: ErrorFeedback, options: ControllerOptions, damping_ratio: FloatArray,
-    ) -> None:
-        """`damping_ratio` (n,) is that of the joints at Ω_c, at most."""
+    def __init__(self, feedback: ErrorFeedback, options: LawOptions) -> None:
         super().__init__(feedback.scaled(0.0), options)  # for the reference and the errors
-        n = len(damping_ratio)
-        self._damping_ratio = damping_ratio
+        n = options.arm.joint_count
         self._gains_at: tuple[UncheckedArmDynamics, FloatArray] | None = None
         """The dynamics and the position (n,) of the gains in use."""
         self._aim = 0, np.zeros(n)
@@ -76,7 +72,7 @@ class ModalImpedance(FollowingLaw):
     def closed_loop(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the closed loop at the largest frequency, which no mode exceeds in any pose."""
         c = LARGEST_FREQUENCY
-        return c * c * np.eye(len(M)), np.diag(2.0 * c * self._damping_ratio)
+        return c * c * np.eye(len(M)), 2.0 * c * np.eye(len(M))
 
     def stiffness(self, M: FloatArray) -> FloatArray:
         """Return the diagonal of K at the last state; before, that of the closed loop."""
@@ -95,7 +91,7 @@ class ModalImpedance(FollowingLaw):
         e, e_dot = tracking.error, tracking.velocity - state.v
         spring = self.spring(state, e)
         damper = self.damper(state, e, e_dot, spring)
-        change = (1.0 + 4.0 * self._damping_ratio**2) * (self._K @ e_dot)  # K ė + D M⁻¹ D ė
+        change = 5.0 * (self._K @ e_dot)  # K ė + D M⁻¹ D ė
         if not (np.abs(change) <= CHANGE_FRACTION * self.effort_rate).all():
             share, s = self.shares(spring, damper, change, e * e_dot)
             spring, damper = share * spring, s * damper
