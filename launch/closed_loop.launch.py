@@ -24,7 +24,7 @@ from launch import LaunchDescription
 def _nodes(context, *_):
     arm = arm_of(context, 'simulated_arm', 'dynamics')
     transforms = [state_publisher(arm)] if is_true(context, 'tf') else []
-    # if a package is missing, launch leaves the nodes running that it has started: other packages first
+    # other packages first: if one is missing, launch leaves running what it has started
     return [*transforms, node(arm, 'simulated_arm'), node(arm, 'dynamics')]
 
 
