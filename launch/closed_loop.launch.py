@@ -24,7 +24,8 @@ from launch import LaunchDescription
 def _nodes(context, *_):
     arm = arm_of(context, 'simulated_arm', 'dynamics')
     transforms = [state_publisher(arm)] if is_true(context, 'tf') else []
-    return [node(arm, 'simulated_arm'), node(arm, 'dynamics'), *transforms]
+    # other packages first: if one is missing, launch leaves running what it has started
+    return [*transforms, node(arm, 'simulated_arm'), node(arm, 'dynamics')]
 
 
 def generate_launch_description():

@@ -32,7 +32,8 @@ def _nodes(context, *_):
         names = ('simulated_arm', 'dynamics')
         arms = [arm_of(context, *names, values=values) for values in by_arm]
         transforms = map(state_publisher, arms) if is_true(context, 'tf') else []
-        return [*(node(arm, name) for arm in arms for name in names), *transforms]
+        # as in closed_loop.launch.py, the nodes of another package first
+        return [*transforms, *(node(arm, name) for arm in arms for name in names)]
     remappings = commands_to(LaunchConfiguration('controller').perform(context))
     arms = [arm_of(context, 'dynamics', values=values) for values in by_arm]
     return [node(arm, 'dynamics', remappings) for arm in arms]

@@ -42,7 +42,8 @@ def _nodes(context, *_):
         package='rviz2', executable='rviz2', namespace=arm.namespace,
         parameters=[clock(arm)], remappings=[*TF, *TOPICS],
         arguments=['-d', display, '-f', parse_urdf(arm.description).root_link])
-    return [*nodes, *monitor, *transforms, rviz]
+    # as in closed_loop.launch.py, the nodes of other packages first
+    return [rviz, *transforms, *nodes, *monitor]
 
 
 def generate_launch_description():

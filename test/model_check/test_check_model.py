@@ -241,12 +241,13 @@ def test_the_table_is_what_the_command_writes(command, committed):
         assert_same_line(line, expected)
 
 
-def test_a_reader_that_ends_early_is_no_error():
-    """As in `check_model ur10 | head -1`: the output breaks off without a message."""
+def test_a_reader_that_ends_early_is_no_error(tmp_path):
+    """As in `check_model arm.urdf | head -1`: the output breaks off without a message."""
+    (tmp_path / 'arm.urdf').write_text(default_arm_urdf(), encoding='utf-8')
     with children.popen(
             [sys.executable, '-u', '-c', 'from robot_dynamics.tools.check_model import main; '
-             'import sys; sys.exit(main(["ur10", "--joints", "wrist_3_joint"]))'],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+             'import sys; sys.exit(main(["arm.urdf"]))'],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path) as process:
         process.stdout.close()
         assert process.stderr.read() == ''
     assert process.returncode == 141
