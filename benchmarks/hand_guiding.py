@@ -207,7 +207,7 @@ def last_speed(one: Setting) -> float:
     """Return the speed [rad/s] long after a kick, with the largest share of too much friction."""
     plant = one.plant(1.0, 1.0 / OVERESTIMATE, bool(one.rng.uniform() < 0.5))
     plant.v = one.rng.uniform(-0.3, 0.3, len(one.q))
-    _, v = simulate(one, plant, LARGEST_SHARE, CALM_TIME)
+    _, v = simulate(one, plant, 0.7, CALM_TIME)
     return float(np.abs(v[-1000:]).max())
 
 

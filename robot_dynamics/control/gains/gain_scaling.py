@@ -17,8 +17,7 @@ The bandwidth is scaled by the largest s <= 1, with K s² and D s, at which
 T_d is half a period of the states, LOOP_DELAY, and the delay of the velocity (`gate`). T_n is that
 of the rate limit τ̇ of the effort: noise σ of the velocity becomes M D s σ in the effort. If it
 exceeds the changes that the limit permits, the limit acts as a low-pass with the time constant
-s T_n = M D s σ / (0.8 τ̇): the expected change of a slew-limited value whose input has normal
-noise.
+s T_n = M D s σ / (0.8 τ̇): 0.8 is the expected change of a slew-limited value with normal noise.
 
 With a damping ratio of 1, without noise: s = 0.5 rad / (2.06 ω T_d), for 20 rad/s and states at
 125 Hz 0.5 / (41.2 · 12 ms) = 1.0, at 30 Hz 0.49. If s is below 1, M, C and g are those of the
@@ -195,3 +194,9 @@ class StableGains:
         bandwidth = self.scale * np.maximum(gains.frequency / USUAL_FREQUENCY, 1.0)
         self.reference_scale = float(bandwidth.min(initial=1.0))
         return bool((self.scale != before).any())
+
+
+def slowest_rate(gains: LoopGains) -> float:
+    """Return the rate of the joint states [Hz] below which these gains are lowered, 0: no rate."""
+    period = 2.0 * (float(gains.delay.min(initial=math.inf)) - LOOP_DELAY)
+    return 1.0 / period if period > 0.0 else math.inf
