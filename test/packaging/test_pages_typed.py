@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The shell blocks of README and tutorial, typed word for word in a fresh clone, each command in turn.
+The shell blocks of README and tutorial, typed word for word in a fresh clone, one by one.
 
 The home directory is new; pip and uv use their caches. A node gets a separate terminal, and ends
 with Ctrl-C. `test_pages_run.py` compares results with what the pages state.

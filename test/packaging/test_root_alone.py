@@ -5,7 +5,8 @@
 The package `robot_dynamics` in an environment with its own dependencies only, without the tools.
 
 The environment is a new virtual one. It has the wheel of the package, and of the libraries that
-are installed here those that the package requires, with theirs. Its tests get pytest and hypothesis.
+are installed here those that the package requires, with theirs. Its tests also get pytest and
+hypothesis.
 """
 
 from importlib import metadata
