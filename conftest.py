@@ -54,6 +54,9 @@ os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
 SUPPORT = Path(__file__).parent / 'test' / 'support'
 os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(SUPPORT / 'fast_discovery.xml'))
 
+# A process ignores SIGHUP if `nohup` has started the tests, and tests close terminals.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
 # `colcon test` passes its own options (the file for the results, paths) in this variable; a pytest
 # that a test starts would read them too.
 os.environ.pop('PYTEST_ADDOPTS', None)
@@ -71,7 +74,7 @@ if find_spec('hypothesis') is not None:
 
 NEEDED_FOR_ROS = ('rclpy', 'robot_dynamics_interfaces')
 IMPORTS_ROS = re.compile(
-    r'^(from|import) (ros_harness|stick_slip|fault_bench|fuzz_nodes|rclpy|'
+    r'^(from|import) (ros_harness|fault_bench|fuzz_nodes|rclpy|'
     r'robot_dynamics_interfaces|robot_dynamics\.ros|robot_dynamics_tools\.(monitor|viewer|mujoco\.mujoco_arm)|'
     r'builtin_interfaces|\w+_msgs|std_srvs|rcl_interfaces)\b', re.MULTILINE)
 

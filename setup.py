@@ -62,7 +62,7 @@ setup(
     extras_require={
         'test': ['pytest'],  # `colcon test` runs pytest because of this line
         'robots': ['example-robot-data'],  # descriptions by name, such as ur10
-        'scipy': ['scipy'],  # the discrete model of an arm, and learning of contact levels
+        'scipy': ['scipy'],  # the discrete model of an arm
         'xacro': ['xacro'],
     },
     zip_safe=False,

@@ -24,8 +24,8 @@ from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
 from robot_dynamics_tools.analysis.bag_analysis import analyze_recording
 from robot_dynamics_tools.analysis.batch import run_tasks
 from robot_dynamics_tools.analysis.tasks import AnalysisTask, analyze_task
-from robot_dynamics_tools.recordings.message_encoding import joint_state_messages
-from robot_dynamics_tools.recordings.reader import JOINT_STATE
+from robot_dynamics_tools.recordings.messages import joint_state_messages
+from robot_dynamics_tools.recordings.topics import JOINT_STATE
 
 JOINTS, SAMPLES, RATE = 7, 200_000, 500.0
 ROUNDS = 5

@@ -31,9 +31,11 @@ import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
-from robot_dynamics_tools.viewer.node import ViewerNode
+from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -42,8 +44,9 @@ RATE = 500.0
 ROUNDS = 8
 MESSAGES = 500
 TIMEOUT = 10.0
-PERIOD = 0.05
-"""[s] from one look of the viewer to the next."""
+TOPICS = (
+    'gravity_compensation', 'computed_torque', 'terms', 'reference', 'feed_forward',
+    'position_offset')
 NAMES = [f'joint{i + 1}' for i in range(JOINTS)]
 STAMP = slice(4, 12)
 """Where a serialized message has its stamp."""
@@ -110,6 +113,15 @@ class Asker:
         return found
 
 
+def set_command(node: Node, command: str) -> None:
+    """Set the parameter `command` of `dynamics`."""
+    client = AsyncParameterClient(node, 'dynamics')
+    future = client.set_parameters([Parameter('command', value=command)])
+    rclpy.spin_until_future_complete(node, future, timeout_sec=TIMEOUT)
+    if not future.done() or not future.result().results[0].successful:
+        raise RuntimeError(f'dynamics does not take command: {command}')
+
+
 def follow_on(node: Node) -> None:
     """Send `dynamics` a trajectory that does not end, so that it computes torques."""
     publisher = node.create_publisher(JointTrajectory, 'dynamics/joint_trajectory', 1)
@@ -134,7 +146,7 @@ def main() -> None:
             'floor': module('benchmarks.control_path', 'floor'),
             'dynamics_node': node_command(DYNAMICS, {
                 'robot_description_file': urdf, 'state_timeout': 10.0,
-                'effort_check': 'false'})}) as ids:
+                'command': 'gravity_compensation'})}) as ids:
         rclpy.init()
         node = rclpy.create_node('bench')
         try:
@@ -151,18 +163,21 @@ def _measure(node: Node, ids: dict[str, int]) -> None:
     }
     for asker in askers.values():
         asker.connect()
-    print('gravity compensation alone:')
+    print('gravity compensation:')
+    _side_by_side(askers, ids)
+    set_command(node, 'computed_torque')
+    print('holding:')
     _side_by_side(askers, ids)
     follow_on(node)
-    print('computed torque along a trajectory, and gravity compensation:')
+    print('along a trajectory:')
     _side_by_side(askers, ids)
     with running({'watcher': module('benchmarks.control_path', 'watcher')}):
         deadline = time.monotonic() + TIMEOUT
-        while not node.count_subscribers('dynamics/terms'):
+        while not all(node.count_subscribers(f'dynamics/{topic}') for topic in TOPICS):
             if time.monotonic() > deadline:
                 raise TimeoutError(f'the watcher does not subscribe within {TIMEOUT:g} s')
             time.sleep(0.01)
-        print('the same, with the subscriptions of the viewer to ~/terms and ~/reference:')
+        print(f'along a trajectory, with subscribers of {", ".join(TOPICS)}:')
         _side_by_side(askers, ids)
 
 
@@ -213,11 +228,12 @@ def floor(node: Node) -> None:
 
 
 def watcher(node: Node) -> None:
-    """Subscribe to the topics of the viewer, and take messages as often as the viewer does."""
-    viewer = ViewerNode(node, 'dynamics', 'simulated_arm')
-    while node.context.ok():
-        viewer.receive()
-        time.sleep(PERIOD)
+    """Subscribe to all topics that `dynamics` publishes for each state, as a recorder does."""
+    for topic in TOPICS:
+        node.create_subscription(
+            DynamicsTerms if topic == 'terms' else JointState, f'dynamics/{topic}',
+            lambda data: None, STATES, raw=True)
+    rclpy.spin(node)
 
 
 NODES: dict[str, Callable[[Node], None]] = {'echo': echo, 'floor': floor, 'watcher': watcher}

@@ -25,7 +25,7 @@ from benchmarks.safe_motion_plant import Plant
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws.force_feedback import ForceFeedback
-from robot_dynamics.control.laws.guiding import LARGEST_FEEDBACK_GAIN, LARGEST_SHARE, make_guiding
+from robot_dynamics.control.laws.hand_guiding import HandGuiding
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.joints.friction import make_friction
@@ -51,7 +51,7 @@ YIELD = 0.02
 """[rad] that the hand yields under the friction of a joint."""
 SPEEDS = (0.1, 0.2, 0.4)
 """[rad/s] at which a joint is moved."""
-MASS_ERROR, OVERESTIMATE, SHARE = 1.05, 1.2, 0.6
+MASS_ERROR, OVERESTIMATE, SHARE, LARGEST_SHARE = 1.05, 1.2, 0.6, 0.7
 """Of the plant's masses; of the friction that the loop knows; compensated by default."""
 COVERED = 0.9
 """Largest gravity error, by the dry friction, of a pose in which friction covers it."""
@@ -152,7 +152,8 @@ def simulate(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the motion (m, n) each of a guided arm, one row per ms."""
     arm = arm_of(one.name)
-    loop = ControlLoop.of_arm(arm, command='hand_guiding', guiding=make_guiding(arm, share))
+    loop = ControlLoop.of_arm(
+        arm, command='hand_guiding', parameters={'hand_guiding.friction_share': share})
     pending, effort, states = deque[tuple[int, FloatArray]](), None, []
     for k in range(round(1e3 * seconds)):
         if k % one.period == 0:
@@ -226,8 +227,10 @@ def impact(
     wall = one.q[j] + sign * WALL_WAY
     rest, spring = wall + sign * WALL_WAY, hand * dynamics.mass_matrix(one.q)[j, j]
     leader, follower = Plant(arm, one.q), Plant(arm, one.q)
-    guided = ControlLoop.of_arm(arm, command='hand_guiding', guiding=make_guiding(
-        arm, feedback_gain=LARGEST_FEEDBACK_GAIN))
+    guided = ControlLoop.of_arm(
+        arm, command='hand_guiding', parameters={'hand_guiding.feedback_gain': 0.5})
+    law = guided.controller.law
+    assert isinstance(law, HandGuiding)
     moved, observer = ControlLoop.of_arm(arm), ExternalEffort(dynamics, 10.0)
     efforts, energy = [np.zeros(n), np.zeros(n)], []
     forces, set_points = deque[tuple[int, FloatArray]](), deque[tuple[int, FloatArray]]()
@@ -240,7 +243,7 @@ def impact(
             if r is not None:
                 forces.append((k + link, r))
             while forces and forces[0][0] <= k:
-                guided.set_force_feedback(forces.popleft()[1])
+                law.feel(forces.popleft()[1])
             for i, (loop, plant) in enumerate(((guided, leader), (moved, follower))):
                 answer = loop.answer(stamp, plant.q, plant.v).effort
                 efforts[i] = efforts[i] if answer is None else answer

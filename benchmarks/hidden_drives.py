@@ -113,8 +113,8 @@ class HiddenArm:
         with running({
                 'dynamics_monitor': node_command(MONITOR, {}),
                 'dynamics': [*node_command(DYNAMICS, {
-                    **common, **self.friction(False), 'effort_check': False,
-                    'state_timeout': TIMEOUT, 'overspeed_factor': 10.0,
+                    **common, **self.friction(False),
+                    'state_timeout': TIMEOUT,
                     'following_error_limit': [0.0],
                     'gains.natural_frequency': [FREQUENCY],
                     'effort_rate_limit': EFFORT_RATE, **parameters}),

@@ -193,8 +193,7 @@ class NodeUnderTest:
         self._data = bytearray(serialize_message(
             JointState(name=NAMES, position=[0.1] * JOINTS, velocity=[0.0] * JOINTS)))
         parameters: Mapping[str, Any] = {
-            'robot_description_file': urdf, 'state_timeout': 60.0, 'state_max_age': 60.0,
-            'effort_check': False}
+            'robot_description_file': urdf, 'state_timeout': 60.0, 'state_max_age': 60.0}
         self._node = DynamicsNode(parameter_overrides=[
             Parameter(name, value=value) for name, value in parameters.items()])
         self.deliver: Callable[[bytes], None] = self._node._loop._deliver

@@ -35,10 +35,10 @@ from benchmarks.hidden_drives import (
 )
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics.html_page import Grade
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model.regressor import load_parameters
+from robot_dynamics.model_check.html_page import Grade
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics_interfaces.srv import EstimatePayload

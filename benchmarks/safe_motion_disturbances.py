@@ -39,7 +39,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.braking import FAULT_DAMPING
 from robot_dynamics.control.laws.cartesian_impedance import CartesianImpedance
-from robot_dynamics.control.scaled_laws import NO_COMMAND
+from robot_dynamics.control.laws.law_table import NO_COMMAND
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload, Payload

@@ -35,7 +35,7 @@ from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
-from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.references.motion_limits import MotionLimits, WorkspaceInertia
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory

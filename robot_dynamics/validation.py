@@ -141,6 +141,26 @@ def check_per_joint(
     return check_vector(field, value, len(joint_names), joint_names, largest).copy()
 
 
+def check_named(
+    field: str, values: Sequence[float], names: Sequence[str], joint_names: Sequence[str],
+) -> FloatArray:
+    """
+    Return the values (n,) of these joints, from a message that has `values` by `names`.
+
+    Other names are ignored. Raises InvalidInputError.
+    """
+    if len(values) != len(names):
+        raise InvalidInputError(
+            f'{field} has {len(values)} values, expected {len(names)} as name has')
+    missing = [name for name in joint_names if name not in names]
+    if missing:
+        raise InvalidInputError(
+            f'name leaves out {missing}, expected every joint of {list(joint_names)}')
+    return check_vector(
+        field, [values[names.index(name)] for name in joint_names], len(joint_names), joint_names,
+        LARGEST_VALUE)
+
+
 def check_samples(
     field: str, value: npt.ArrayLike, columns: int, names: Sequence[str] | None = None,
     largest: float = np.inf,

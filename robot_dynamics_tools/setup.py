@@ -16,7 +16,7 @@ EXECUTABLES = {
     'animate': 'commands.animate:main',
     'calibrate_gravity': 'commands.calibrate_gravity:main',
     'demo': 'demo.cli:main',
-    'dynamics': 'ros2_dynamics.cli:main',
+    'dynamics': '__main__:main',
     'dynamics_monitor': 'monitor.entry_points:dynamics_monitor',
     'estimate_payload': 'commands.estimate_payload:main',
     'excite': 'commands.excite:main',
@@ -39,11 +39,6 @@ is_wheel = {'bdist_wheel', 'dist_info', 'editable_wheel'} & set(sys.argv)
 prefix = 'robot_dynamics_' if is_wheel else ''
 manifest = ElementTree.parse(Path(__file__).resolve().parent / 'package.xml')
 maintainer = manifest.find('maintainer')
-
-
-def verb_class(name):
-    """Return the name of the class of a verb."""
-    return f'{name.title().replace("_", "")}Verb'
 
 
 setup(
@@ -92,7 +87,6 @@ setup(
             f'{package_name}.verb = {package_name}.ros2_dynamics.ros2cli:VerbExtension',
         ],
         f'{package_name}.verb': [
-            f'{name} = {package_name}.ros2_dynamics.ros2cli:{verb_class(name)}'
-            for name in VERBS],
+            f'{name} = {package_name}.ros2_dynamics.ros2cli:{name}_verb' for name in VERBS],
     },
 )

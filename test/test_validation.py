@@ -84,28 +84,16 @@ ROWS = "expected samples × 2 joints (['shoulder', 'elbow']), row by row"
 
 
 @pytest.mark.parametrize(('check', 'value', 'message'), [
-    (check_vector, [1.0], f'position has 1 values, {NAMED}'),
     (check_vector, [[1.0, 2.0]], f'position has an array of shape (1, 2), {NAMED}'),
     (check_vector, 3.0, f'position has an array of shape (), {NAMED}'),
-    (check_vector, [0.0, np.nan], 'position[1] (elbow) is nan, expected a finite number'),
     (check_vector, [-np.inf, np.nan], 'position[0] (shoulder) is -inf, expected a finite number'),
-    (check_vector, [0.0, None], f'position[1] (elbow) is {None}, expected a finite number'),
-    (check_vector, ('1.0', 2.0), "position[0] (shoulder) is '1.0', expected a finite number"),
-    (check_vector, [0, True], 'position[1] (elbow) is True, expected a finite number'),
     (check_vector, np.array([False, True]),
      'position[0] (shoulder) is False, expected a finite number'),
     (check_vector, np.array(['0', '']), "position[0] (shoulder) is '0', expected a finite number"),
     (check_vector, [0.0, 10**400], f'position[1] (elbow) is {10**400}, expected a finite number'),
     (check_vector, None, f'position is {None}, expected numbers'),
-    (check_vector, [[1.0], [2.0, 3.0]], 'position is [[1.0], [2.0, 3.0]], expected numbers'),
-    (check_vector, {'shoulder': 1.0}, "position is {'shoulder': 1.0}, expected numbers"),
     (check_samples, [1.0, 2.0, 3.0], f'position has 3 values, {ROWS}'),
-    (check_samples, [[1.0, 2.0, 3.0]], f'position has an array of shape (1, 3), {ROWS}'),
     (check_samples, np.zeros((1, 2, 2)), f'position has an array of shape (1, 2, 2), {ROWS}'),
-    (check_samples, [0.0, 1.0, 2.0, np.nan],
-     'position[1][1] (elbow) is nan, expected a finite number'),
-    (check_samples, [[0.0, 1.0], ['x', 2.0]],
-     "position[1][0] (shoulder) is 'x', expected a finite number"),
 ])
 def test_message_on_numbers_of_joints(check, value, message):
     assert refusal(check, 'position', value, 2, JOINTS) == message

@@ -23,7 +23,7 @@ from robot_dynamics_tools.demo.processes import (
     DYNAMICS,
     Nodes,
     SIMULATED_ARM,
-    VIEWER,
+    VERBS,
 )
 from robot_dynamics_tools.reporting.figures import PURPLE
 
@@ -61,7 +61,7 @@ def main(directory: Path) -> int:
         nodes.start('dynamics', DYNAMICS, {**robot, **PATIENT})
         nodes.start('simulated_arm', SIMULATED_ARM, {
             **robot, **STEP_BY_STEP, 'initial_position': POSE})
-        viewer = nodes.start('viewer', VIEWER, {}, arguments=('--port', '0'))
+        viewer = nodes.start('viewer', VERBS, {}, arguments=('viewer', '--port', '0'))
         while (address := re.search(r'http://\S+', viewer.text())) is None:
             nodes.check()
             time.sleep(0.1)

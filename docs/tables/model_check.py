@@ -31,7 +31,7 @@ TEXT = """\
 
 Findings of the [model check](../model_check.md) in the robots of {package}.
 `scripts/run python docs/tables/model_check.py` writes this page.
-A test compares four rows with the check; `scripts/test -m soak` compares all rows.
+A test compares a row with the check; `scripts/test -m soak` compares all rows.
 
 - *errors* and *warnings* are counts of findings per check.
 - *gravity* is the largest share of an effort limit that holding the arm at rest needs in any

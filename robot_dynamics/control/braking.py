@@ -8,15 +8,13 @@ import math
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.gate import DECAY
+from robot_dynamics.control.gate import DECAY, LEFT
 
 FAULT_DAMPING = 0.5
 """Fraction of K_d with which a joint is damped in a fault."""
 USUAL_FRICTION, SURPLUS = 0.05, 0.4
 """Dry friction of usual gearboxes, as a fraction of the effort limit; and the share of known
 friction that may be more than its compensation."""
-HELD_ERROR = 0.03
-"""[rad] or [m] that a joint may be away from its reference without friction."""
 
 
 def braked(
@@ -76,7 +74,7 @@ def is_held(controller: Controller, q: FloatArray, error: FloatArray) -> BoolArr
 
     `q` and `error`, the reference minus q, are (n,) [rad] or [m]. Known friction is compensated
     but for SURPLUS; other friction is assumed to be as large as usual in gearboxes. A further
-    HELD_ERROR is tolerated.
+    error of LEFT is tolerated.
     """
     friction, limit = controller.arm.friction.at_rest, controller.arm.limits.effort
     usual = np.where(np.isfinite(limit), USUAL_FRICTION * limit, 0.0)
@@ -86,5 +84,5 @@ def is_held(controller: Controller, q: FloatArray, error: FloatArray) -> BoolArr
     viscous = controller.arm.friction.viscous * K_p / np.maximum(K_d, 1e-9)
     K = M * K_p + np.diag(viscous) if drives is None else np.diag(drives)
     known = friction.static + friction.offset
-    holding = np.where(known > 0.0, SURPLUS * known, usual) + HELD_ERROR * np.diagonal(K)
+    holding = np.where(known > 0.0, SURPLUS * known, usual) + LEFT * np.diagonal(K)
     return np.asarray(np.abs(K @ error) <= holding)

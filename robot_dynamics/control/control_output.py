@@ -32,8 +32,6 @@ class ControlOutput:
     """The input of the law."""
     law: LawOutput
     """The efforts of the law, before any limit."""
-    velocity: FloatArray
-    """The velocity (n,) that was used, measured or from positions."""
     scale: float
     """The smallest fraction of the bandwidth to which the gains were scaled down."""
     robot: RobotEffort
@@ -91,17 +89,20 @@ class ControlOutput:
 
     @property
     def terms(self) -> EffortTerms | None:
-        """The terms of the command, or None if they are not finite."""
+        """
+        The terms of the command, or None if they are not finite.
+
+        `inertial` is what remains of the effort, so that it contains the feedback. A law without
+        a reference compensates no C(q, v) v.
+        """
+        state, effort, friction = self.state, self.law.effort, self.law.friction
+        q, zero, body = state.q_ahead, np.zeros_like(effort), state.dynamics.rigid_body
+        v = zero if state.trajectory is None else state.v
         with self.lock, np.errstate(over='ignore', invalid='ignore'):
-            terms = self.robot.command_terms(self.law.terms())
+            gravity = body.gravity(q)
+            terms = state.dynamics.terms(q, v, zero, friction=friction)
+            terms = self.robot.command_terms(terms._replace(
+                inertial=effort - terms.coriolis - gravity - friction, gravity=gravity,
+                effort=effort, kinetic_energy=body.kinetic_energy(q, state.v)))
             # The effort is valid even if the energy overflows.
             return terms if all(np.isfinite(part).all() for part in terms) else None
-
-
-def non_finite_effort(
-    q: FloatArray, gravity: FloatArray, effort: FloatArray,
-) -> NonFiniteEffortError:
-    """Return the error of a position (n,) with these efforts, each (n,)."""
-    return NonFiniteEffortError(
-        f'the efforts at position {q.tolist()} are not finite: gravity {gravity.tolist()}, '
-        f'command {effort.tolist()}')

@@ -12,27 +12,27 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 import math
 import threading
+from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.control_output import ControlOutput, non_finite_effort
+from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.followed_reference import FollowedReference, LastState, Prepared
 from robot_dynamics.control.gains.gain_scaling import StableGains
-from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
+from robot_dynamics.control.laws.control_law import ControlLaw, LawInput, LawTopic
+from robot_dynamics.control.laws.error_feedback import Tracking
+from robot_dynamics.control.laws.law_table import NO_COMMAND
 from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_bounds import EffortBounds, NOTHING, robot_effort
-from robot_dynamics.control.scaled_laws import NO_COMMAND, ScaledLaws
+from robot_dynamics.control.scaled_laws import ScaledLaws
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
-
-LOOK_NS = 4_900_000
-"""[ns] between two looks for an oscillation, which has at most 95 Hz."""
 
 
 class Controller:
@@ -63,7 +63,9 @@ class Controller:
         """The trajectory or stop that is followed."""
         self.gains = StableGains(arm.joint_count)
         """Period and noise of the joint states, and the bandwidth that they allow."""
-        self._looked_ns = 0
+        self._interval = 0.0, 0.0
+        """Time of the last state after the one before, and the delay of its velocity [s]."""
+        self._tracking: Tracking | None = None
         self.state: LastState | None = None
         """The last state with a velocity, or None."""
         self.may_hold = True
@@ -199,13 +201,10 @@ class Controller:
         with self._exchange:
             load = self.load.prepare(payloads)
             with self.lock:
-                if transition_time == 0.0:
-                    self.load.replace(load)
-                else:
-                    self.load.begin_transition(load, transition_time, when_done)
+                self.load.begin_transition(load, transition_time, when_done)
                 self._limit_motion()
         if transition_time == 0.0:
-            when_done(load.payloads)
+            when_done(load.planning.arm.payloads)
 
     def set_gravity(self, gravity: FloatArray, rate: float) -> None:
         """
@@ -220,10 +219,16 @@ class Controller:
                 self.load.begin_gravity_change(load, rate)
                 self._limit_motion()
 
-    def feel(self, external: FloatArray) -> None:
-        """Let the law without a reference feel an external effort (n,) from the last state on."""
-        if self.state is not None:
-            self.laws.at_rest.feel(external, self.state[0])
+    @property
+    def law(self) -> ControlLaw:
+        """The law that `options.command` names."""
+        return self.laws.law
+
+    def deliver(self, topic: LawTopic, message: Any) -> None:
+        """Let the law take a message of a topic, between two states, if the topic is its own."""
+        with self.lock:
+            if topic in self.law.TOPICS:
+                topic.take(self.law, message)
 
     def __repr__(self) -> str:
         following = 'no reference' if self.trajectory is None else 'following a reference'
@@ -245,7 +250,7 @@ class Controller:
         if load.changes:
             load.advance(stamp_ns)
         law, q_ahead, lag, last = laws.at_rest, q, 0.0, self.state
-        gains.take(1e-9 * (stamp_ns - last[0]) if last is not None else 0.0, v, velocity_delay)
+        self._interval = 0.0 if last is None else 1e-9 * (stamp_ns - last[0]), velocity_delay
         self.state = stamp_ns, q, v
         reference = self.followed
         trajectory = reference.active
@@ -260,11 +265,13 @@ class Controller:
         state = LawInput(
             load.dynamics, stamp_ns, q, v, q_ahead, trajectory, laws.feedback, lag)
         answer, options, drive = law(state), self.options, self.arm.drive
-        effort, bounds = answer.effort, self._bounds
+        effort, bounds, self._tracking = answer.effort, self._bounds, answer.tracking
         is_clear = math.dist(effort.tolist(), bounds.center) <= bounds.clearance or (
             bounds.is_clear(effort))
         if not is_clear and not np.isfinite(effort).all():
-            raise non_finite_effort(q, state.gravity, effort)
+            raise NonFiniteEffortError(
+                f'the efforts at position {q.tolist()} are not finite: gravity '
+                f'{state.gravity.tolist()}, command {effort.tolist()}')
         own = self._robot if self._robot is not None else load.unloaded
         robot = NOTHING
         if options.effort_convention.robot_compensates:
@@ -272,7 +279,7 @@ class Controller:
                 options.effort_convention, own.rigid_body.gravity(state.q),
                 None if effort is answer.gravity else answer.friction, drive)
         output = ControlOutput(
-            state, answer, v, gains.least * answer.scale, robot, own, bounds, drive, self.lock)
+            state, answer, gains.least * answer.scale, robot, own, bounds, drive, self.lock)
         if options.command == NO_COMMAND:
             return output
         output.command = effort
@@ -287,14 +294,14 @@ class Controller:
 
     def evaluate(self) -> None:
         """Adapt gains and references to the last state; the caller holds `lock`."""
-        laws, state = self.laws, self.state
-        has_changed = self.gains.evaluate(laws.with_reference.bounces)
-        if state is not None and not 0 <= state[0] - self._looked_ns < LOOK_NS:
-            self._looked_ns, q, v = state
-            reference = self.reference
-            if reference is not None:
-                has_changed |= laws.calm(
-                    state[0], self.position_error(reference.position, q), reference.velocity - v)
+        laws, state, tracking = self.laws, self.state, self._tracking
+        if state is None or not self.options.scales_gains:
+            return
+        (stamp_ns, _, v), is_in_contact = state, laws.with_reference.is_in_contact
+        has_changed = self.gains.take(*self._interval, v, is_in_contact)
+        if tracking is not None and not is_in_contact:
+            has_changed |= laws.oscillation.take(
+                1e-9 * stamp_ns, tracking.error, tracking.velocity - v)
         if has_changed:
             laws.scale()
             self.followed.scale(self.gains.reference_scale)

@@ -4,7 +4,6 @@
 """The reference of a controller: a trajectory, a stop, or none."""
 
 from collections.abc import Callable
-from dataclasses import replace
 import math
 
 import numpy as np
@@ -13,7 +12,7 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.references.motion_limits import MotionLimits
 from robot_dynamics.references.path_conditioning import feasible_trajectory
 from robot_dynamics.references.reference_generator import ReferenceGenerator
@@ -45,19 +44,22 @@ class FollowedReference:
 
     def __init__(self, arm: ArmModel) -> None:
         self._arm = arm
-        continuous = [name for name, kind in zip(arm.joint_names, arm.joint_kinds)
-                      if kind == 'continuous']
-        self._follower = ReferenceGenerator(arm.joint_names, continuous, None)
+        self._generator = ReferenceGenerator(arm.joint_names, [
+            name for name, kind in zip(arm.joint_names, arm.joint_kinds) if kind == 'continuous'])
+        self._full: MotionLimits | None = None
         self._limits: MotionLimits | None = None
         self._brake: Brake = lambda limits, q, v: limits
-        self.active: ActiveTrajectory | None = None
-        """The trajectory or stop that is followed, or None."""
         self.first_stop: ActiveTrajectory | None = None
         """The stop at a first state, which the second state replaces."""
         self.stops_next = False
         """Whether a stop from the next measured state is wanted."""
         self.slowness = 1.0
         """Factor by which the last trajectory was slowed down."""
+
+    @property
+    def active(self) -> ActiveTrajectory | None:
+        """The trajectory or stop that is followed, or None."""
+        return self._generator.active
 
     def limit(
         self, limits: MotionLimits | None, stream_timeout: float, brake: Brake,
@@ -67,12 +69,12 @@ class FollowedReference:
 
         `brake` returns limits with the braking that is possible from a state.
         """
-        self._limits, self._brake = limits, brake
-        self._follower.stream_timeout = stream_timeout
+        self._full, self._brake = limits, brake
+        self._generator.stream_timeout = stream_timeout
 
     def scale(self, scale: float) -> None:
         """Follow new references with this fraction of the limits."""
-        self._follower.limits = None if self._limits is None else self._limits.slower(scale)
+        self._limits = None if self._full is None else self._full.slower(scale)
 
     def feasible(
         self, trajectory: JointTrajectory, planning: ArmDynamics, options: ControllerOptions,
@@ -82,10 +84,11 @@ class FollowedReference:
 
         Raises TrajectoryError if the arm cannot follow the trajectory, or for other joints.
         """
-        self._follower.check_joints(trajectory)
+        self._generator.check_joints(trajectory)
+        limits = self._limits
         if options.checks_goals:
-            trajectory = self._within_limits(trajectory, options)
-        limits = self._follower.limits
+            trajectory = self._within_limits(
+                trajectory, options, options.slows_down and limits is not None)
         if limits is None or trajectory.is_set_point:
             return trajectory, 1.0
         return feasible_trajectory(
@@ -93,12 +96,11 @@ class FollowedReference:
             options.slows_down)
 
     def _within_limits(
-        self, trajectory: JointTrajectory, options: ControllerOptions,
+        self, trajectory: JointTrajectory, options: ControllerOptions, is_slowed: bool,
     ) -> JointTrajectory:
         """Return a trajectory with its points within the limits; raise TrajectoryError."""
         if options.clips_positions:
             trajectory = with_clipped_positions(self._arm, trajectory)
-        is_slowed = options.slows_down and self._follower.limits is not None
         if options.slows_down and trajectory.is_set_point:
             trajectory = with_clipped_velocity(self._arm, trajectory)
         check_points(self._arm, trajectory, has_velocities=not is_slowed)
@@ -113,31 +115,31 @@ class FollowedReference:
 
         Raises TrajectoryError, also if the trajectory would end more than `latest` [s] late.
         """
-        before = self._follower.active
+        before = self._generator.active
         # A planned motion may be faster than the limits of references.
         self._limit_braking(
             *state[1:], before is not None and not before.trajectory.is_set_point)
-        active = self._follower.start(trajectory, *state, stamp_ns=stamp_ns)
+        active = self._generator.start(trajectory, *state, stamp_ns=stamp_ns)
         late_ns = active.end_ns - (stamp_ns or state[0]) - trajectory.times_ns[-1]
         if late_ns > 1e9 * latest:
-            self._follower.active = before
+            self._generator.active = before
             raise TrajectoryError(
                 f'the trajectory would end {1e-9 * late_ns:.3g} s late, expected at most '
                 f'{latest:g} s: the arm has to move to its first point before')
-        self.active = active
         self.stops_next = False
         self.slowness = slowness
 
     def _limit_braking(self, q: FloatArray, v: FloatArray, is_local: bool) -> None:
         """Brake with the limits of the workspace, or with those of the poses of a stop."""
-        if self._follower.limits is not None:
-            limits = replace(self._follower.limits, brake=None)
-            self._follower.limits = self._brake(limits, q, v) if is_local else limits
+        limits = self._limits
+        if limits is not None and is_local:
+            limits = self._brake(limits, q, v)
+        self._generator.limits = limits
 
     def end(self, holds: bool = False) -> None:
         """End the reference; if `holds`, a stop from the next measured state is wanted."""
-        self._follower.clear()
-        self.active, self.stops_next = None, holds
+        self._generator.clear()
+        self.stops_next = holds
 
     def stop_from(
         self, is_first: bool, stamp_ns: int, q: FloatArray, v: FloatArray,
@@ -163,10 +165,4 @@ class FollowedReference:
         fastest = np.minimum(FASTEST_STOP * self._arm.limits.velocity, LARGEST_VALUE)
         q, v = np.clip(q, -LARGEST_VALUE, LARGEST_VALUE), np.clip(v, -fastest, fastest)
         self._limit_braking(q, v, True)
-        self._follower.stop(stamp_ns, q, v)
-        self.active = self._follower.active
-
-    def shift_time(self, shift_ns: int) -> None:
-        """Continue as before if the stamps of states continue lower by `shift_ns`."""
-        self._follower.shift_time(shift_ns)
-        self.active = self._follower.active
+        self._generator.stop(stamp_ns, q, v)

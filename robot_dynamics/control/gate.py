@@ -4,9 +4,12 @@
 """
 What is known of each joint now: the only place that judges the measured values of a state.
 
+A state that cannot follow the last one, by its stamp or its position, is missing as a whole
+(`state_plausibility`). Then each joint is judged.
+
 The velocity of a joint is the measured one as long as it agrees with the positions, else the
-difference quotient d of the positions over SPAN, or over one period of the states if that is
-longer: v = (q_k − q_j) / (t_k − t_j) with t_k − t_j ≥ SPAN. It is late by half of this span
+difference quotient d of the positions over SPAN_NS, or over one period of the states if that is
+longer: v = (q_k − q_j) / (t_k − t_j) with t_k − t_j ≥ SPAN_NS. It is late by half of this span
 (P. R. Bélanger, "Estimation of angular velocity and acceleration from shaft encoder measurements",
 IEEE Int. Conf. Robotics and Automation, 1992). No velocity can therefore drive an arm away, and a
 wrong judgement costs only bandwidth:
@@ -18,49 +21,47 @@ wrong judgement costs only bandwidth:
   times the displacement (resolution of encoders, scale of the velocity), the velocity is not used
   until it has agreed in motion for AGREEMENT.
 
-A joint does not stop from one sample to the next. If its position repeats bit by bit although
-velocity and last step were above MOVING, its sample is missing: its position is continued with its
-last velocity until it changes. After LOST seconds the joint has no signal: the fault brakes it,
-and its velocity is assumed to decay with DECAY. A slower joint may stand; it has no signal if its
-reference moves on by LEFT where friction cannot hold it, while others move. If the whole state
-repeats in motion, there is no new state; at rest its brakes may hold the arm.
+A joint does not stop between two samples: at a constant deceleration, its last step is at most a
+third of the step before. If its position repeats bit by bit although velocity and last step were
+above MOVING, and this step above half of the step before, its sample is missing: its position is
+continued with its last velocity until it changes. After LOST the joint has no signal: the fault
+brakes it, and its velocity is assumed to decay with DECAY. A slower joint may stand. It has no
+signal if its reference moves on by LEFT where friction cannot hold it, while others move, or if
+its velocity, which agreed, repeats as well and would have moved it by FLOOR. If the whole state
+repeats in motion, there is no new state; without a command, brakes may hold the arm.
 """
 
 from collections import deque
 from collections.abc import Callable
-from math import exp, pi
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import (
-    BoolArray,
-    FloatArray,
-    NANOSECONDS_PER_SECOND,
-    wrap_angle,
-    wrap_to_pi,
+from robot_dynamics.arrays import BoolArray, FloatArray, NANOSECONDS_PER_SECOND, wrap_to_pi
+from robot_dynamics.control.laws.error_feedback import DEFAULT_NATURAL_FREQUENCY
+from robot_dynamics.control.safety.fault_action import SafetyOptions
+from robot_dynamics.monitoring.state_plausibility import (
+    LARGEST_SPEED,
+    StatePlausibility,
+    StateVerdict,
 )
 
-SPAN, LEAST_SPAN = 0.008, 0.002
-"""[s]; stamps of a shorter span, after a first state, are too inexact."""
-FAR, LARGEST_SPEED, MISSED = 0.5, 20.0, 2
-"""Share of the velocity limit, which is at most LARGEST_SPEED [rad/s] or [m/s], and samples."""
+SPAN_NS = 8_000_000
+LEAST_SPAN_NS = SPAN_NS // 4
+"""Stamps of a shorter span, after a first state, are too inexact."""
+FAR, MISSED = 0.5, 2
+"""Share of the velocity limit, which is at most LARGEST_SPEED, and samples."""
 FLOOR, RATIO = 0.003, 0.3
 """[rad] or [m], and share of the displacement, that integral and displacement may differ."""
-JUMP = 0.05
-"""[rad] or [m] that a position may jump, for at most MISSED samples."""
 MEMORY, AGREEMENT = 0.1, 1.0
 """[s]"""
-MOVING, BRAKING = 0.1, 15.0
-"""[rad/s] or [m/s] from which a joint does not stop in one sample, and [rad/s²] or [m/s²] with
-which dry friction brakes a joint: slower states need a faster joint."""
+MOVING = 0.1
+"""[rad/s] or [m/s] from which a joint does not stop in one sample."""
 LEFT = 0.03
-"""[rad] or [m] that the reference of a joint that stands may move."""
-LOST, DECAY = 0.05, 20.0
-"""[s] for which a joint without a new sample is assumed to move on, and [1/s] with which it then
-stops: the damping of a fault with the default gains."""
-_SPAN_NS = round(SPAN * NANOSECONDS_PER_SECOND)
-_CHECK_NS = 10_000_000
-"""[ns] between two looks at the reference."""
+"""[rad] or [m] that the reference of a joint that stands may move, and may be away from it."""
+LOST = SafetyOptions.state_timeout
+"""[s] for which a joint is assumed to move on without a new sample, as an arm without states."""
+DECAY = DEFAULT_NATURAL_FREQUENCY
+"""[1/s] with which it then stops: `braking.FAULT_DAMPING` times K_d of the default gains."""
 _LOST_NS = round(LOST * NANOSECONDS_PER_SECOND)
 _PAUSE_NS = NANOSECONDS_PER_SECOND // 2
 """[ns] between two states after which the difference of their positions gives no velocity."""
@@ -70,161 +71,161 @@ _MOST = 100
 
 class Signals(NamedTuple):
     """
-    Position and velocity (n,) in use, and the delay [s] of the velocity.
+    Position and velocity (n,) in use, the verdict on the state, and the delay [s] of the velocity.
 
     `lost` (n,) marks joints without a signal, None for none. The velocity of a first state is 0.
     """
 
     q: FloatArray
     v: FloatArray
+    verdict: StateVerdict
     delay: float = 0.0
     lost: BoolArray | None = None
 
 
+def _not_held(q: FloatArray, error: FloatArray) -> BoolArray:
+    return np.zeros(len(q), dtype=bool)
+
+
 class Gate:
-    """Follows the positions of n joints, state by state; for one thread."""
+    """Judges the states of n joints one after the other; for one thread."""
 
     def __init__(
-        self, wraps: BoolArray, velocity_limit: FloatArray,
-        reference: Callable[[], FloatArray | None],
-        is_held: Callable[[FloatArray, FloatArray], BoolArray],
+        self, joint_names: tuple[str, ...], wraps: BoolArray, velocity_limit: FloatArray,
+        max_age: float, reference: Callable[[], FloatArray | None] = lambda: None,
+        is_held: Callable[[FloatArray, FloatArray], BoolArray] = _not_held,
+        is_commanded: Callable[[], bool] = lambda: False,
     ) -> None:
         """
-        Take the velocity limits (n,), infinite for none.
+        Take the velocity limits (n,), infinite for none, and the largest age of a state [s].
 
         `wraps` (n,) marks the continuous joints: their positions may jump by a turn. `reference`
         returns the position of the reference (n,), or None. `is_held` returns at which joints (n,)
-        friction can hold an arm at q (n,) with a position error (n,).
+        friction can hold an arm at q (n,) with a position error (n,). `is_commanded` returns
+        whether a command moves or holds the arm.
         """
-        self._reference, self._is_held = reference, is_held
-        self._left: FloatArray | None = None
-        """The reference (n,) when the position of each joint began to repeat."""
-        n = len(wraps)
+        self.plausibility = StatePlausibility(joint_names, velocity_limit, max_age, wraps)
+        self._reference, self._is_held, self._is_commanded = reference, is_held, is_commanded
         self._wraps, self._any_wraps = wraps, bool(wraps.any())
         self._far: list[float] = (FAR * np.minimum(velocity_limit, LARGEST_SPEED)).tolist()
-        self._agreed = [AGREEMENT] * n
+        self._agreed = [AGREEMENT] * len(wraps)
         """[s] in motion for which the velocity of each joint has agreed with its positions."""
+        self._measured: FloatArray = np.full(len(wraps), np.nan)
+        self._measured_v: FloatArray | None = None
+        self._first(StateVerdict(False), self._measured)
+
+    def _first(self, verdict: StateVerdict, q: FloatArray) -> Signals:
+        """Return the signals at a first state."""
+        n = len(q)
+        self._signals = Signals(q, np.zeros(n), verdict)
+        self._ways: deque[tuple[int, FloatArray]] = deque([(verdict.stamp, q)], maxlen=_MOST)
+        """Stamps [ns], and the sums (n,) of the steps until then."""
         self._integral, self._moved = [0.0] * n, [0.0] * n
         self._before: list[float] | None = None
         """Velocities of the last state."""
-        self._missed, self._way = [0] * n, [0.0] * n
-        """Samples in a row of each velocity that are missing, and the way in this time."""
-        self.has_jumped = False
-        """Whether a position jumped away between velocities that agree; the reader resets it."""
-        self._states: deque[tuple[int, FloatArray]] = deque(maxlen=_MOST)
-        """Stamps [ns] and the positions in use."""
-        self._measured: FloatArray = np.full(n, np.nan)
-        self._v: FloatArray = np.zeros(n)
-        self._missing: BoolArray = np.zeros(n, dtype=bool)
-        self._since_ns = np.zeros(n, dtype=np.int64)
-        """Stamp (n,) of the last sample of each joint that is missing."""
-        self._is_missing = self._is_silent = self._is_fast = False
-        self._checked, self._check_ns = self._measured, 0
-        """The positions (n,) at the last look at the reference, and the time of the next one."""
-
-    def restart(self) -> None:
-        """Treat the next state as a first one."""
-        self._states.clear()
-        self._integral, self._moved = [0.0] * len(self._far), [0.0] * len(self._far)
-        self._missing = np.zeros_like(self._missing)
+        self._missed = [0] * n
+        """Samples in a row of each velocity that are missing."""
+        self._step = 1.0, np.zeros(n)
+        """Duration [s] and length (n,) of the last step."""
+        self._fast: BoolArray = np.zeros(n, dtype=bool)
+        """Which joints (n,) were so fast in the last step that they cannot stand now."""
+        self._missing_ns = np.zeros(n, dtype=np.int64)
+        """Time (n,) since the last sample of each joint that is missing, 0 for others."""
+        self.plausibility.unseen = np.zeros(n)
+        self._lost: BoolArray | None = None
+        """Which joints (n,) have no signal, None for none."""
+        self._left: FloatArray | None = None
+        """The reference (n,) when the position of each joint began to repeat."""
+        self._claimed: FloatArray = np.zeros(n)
+        """Way (n,) that measured velocities state, while they and the positions repeat."""
         self._is_missing = self._is_silent = False
-        self._left = self._before = None
-        self._check_ns = 0
+        return self._signals
 
     @property
     def doubtful(self) -> BoolArray:
         """Whether the measured velocity of each joint is not used, because it is wrong, (n,)."""
         return np.array(self._agreed) < AGREEMENT
 
-    def take(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> Signals | None:
+    def take(
+        self, stamp_ns: int, q: FloatArray, v: FloatArray | None, clock_ns: int | None = None,
+        steady_ns: int | None = None, has_several_publishers: Callable[[], bool] = lambda: False,
+    ) -> Signals:
         """
-        Return the signals at a state (q, v), each (n,), None if the positions repeat as a whole.
+        Return the signals at a state (q, v), each (n,); v is None if it is not measured.
 
-        `v` is None if it is not measured.
+        A state that is not new has the signals of the last one. The times are those of
+        `StatePlausibility.judge`, which raises ImplausibleStateError for a missing state.
         """
-        states = self._states
-        if self._is_silent:
-            if (q == self._measured).all():
-                return None
-            self.restart()
-        if states and not 0 <= stamp_ns - states[-1][0] <= _PAUSE_NS:
-            self.restart()
-        measured, self._measured = self._measured, q
-        if not states:
-            states.append((stamp_ns, q))
-            self._v = np.zeros_like(q)
-            return Signals(q, self._v)
-        last_ns, last = states[-1]
-        if stamp_ns == last_ns:
-            return Signals(last, self._v)
-        if self._is_fast or self._is_missing or stamp_ns >= self._check_ns:
-            same = q == measured
-            left = self._left_behind(stamp_ns, q) & same & (not same.all())
-            suspects = ~self._missing & (self._moved_fast() & same | left)
-            self._is_silent = bool(suspects.any() and same.all())
-            if self._is_silent:
-                return None
-            q = self._continued(stamp_ns, q, same, suspects, left)
-        states.append((stamp_ns, q))
-        while len(states) > 2 and stamp_ns - states[1][0] >= _SPAN_NS:
-            states.popleft()
-        begin_ns, begin = states[0]
-        moved = q - begin
+        verdict = self.plausibility.judge(
+            stamp_ns, stamp_ns if clock_ns is None else clock_ns, q, has_several_publishers,
+            steady_ns)
+        if not verdict.is_new:
+            return self._signals._replace(verdict=verdict)
+        same, self._measured = q == self._measured, q
+        v_before, self._measured_v = self._measured_v, v
+        repeats = same.tolist()
+        are_all, passed_ns = all(repeats), verdict.stamp - self._ways[-1][0]
+        if verdict.restart or (not are_all if self._is_silent else passed_ns > _PAUSE_NS):
+            return self._first(verdict, q)
+        if are_all and self._fast.any():
+            if not self._is_commanded() and (v is None or not v.any()):
+                return self._first(verdict, q)
+            self._is_silent = True
+            return self._signals._replace(verdict=verdict._replace(is_new=False))
+        dt, step = 1e-9 * passed_ns, q - self._signals.q
         if self._any_wraps:
-            moved = np.where(self._wraps, wrap_to_pi(moved), moved)
+            step = np.where(self._wraps, wrap_to_pi(step), step)
+        if self._is_missing or any(repeats) and not are_all:
+            left = self._left_behind(q, same) | self._contradicts(dt, same, v, v_before)
+            q, step = self._continued(passed_ns, q, step, same, left)
+        else:
+            self._left, self._claimed = None, 0.0 * q
+        d, span = self._difference_quotient(verdict.stamp, step)
+        used, is_late = (d, True) if v is None else self._agreeing(dt, d, v, step)
+        self._fast = self._cannot_stand(dt, step, used)
+        self._signals = Signals(
+            q, used, verdict, 0.5 * span if is_late else 0.0, self._lost)
+        return self._signals
+
+    def _difference_quotient(self, stamp_ns: int, step: FloatArray) -> tuple[FloatArray, float]:
+        """Return that of the positions (n,), that of missing joints continued, and its span."""
+        ways, last_v = self._ways, self._signals.v
+        ways.append((stamp_ns, ways[-1][1] + step))
+        while len(ways) > 2 and stamp_ns - ways[1][0] >= SPAN_NS:
+            ways.popleft()
+        (begin_ns, begin), (_, end) = ways[0], ways[-1]
         span = (stamp_ns - begin_ns) / NANOSECONDS_PER_SECOND
-        d, lost, delay = self._v, None, 0.5 * span
-        if span >= LEAST_SPAN:
-            d = moved / span
-        if self._is_missing:
-            lost = self._missing & (stamp_ns - self._since_ns > _LOST_NS)
-            d = np.where(self._missing, self._v, d)
-            if not lost.any():
-                lost = None
-        if v is not None:
-            d, is_late = self._agreeing(1e-9 * (stamp_ns - last_ns), d, v, q - last)
-            delay = delay if is_late else 0.0
-        self._v = d
-        self._is_fast = d.dot(d) > MOVING * MOVING
-        return Signals(q, d, delay, lost)
+        d = (end - begin) / span if stamp_ns - begin_ns >= LEAST_SPAN_NS else last_v
+        return np.where(self._missing_ns > 0, last_v, d) if self._is_missing else d, span
 
     def _agreeing(
-        self, dt: float, d: FloatArray, v: FloatArray, moved: FloatArray,
+        self, dt: float, d: FloatArray, v: FloatArray, step: FloatArray,
     ) -> tuple[FloatArray, bool]:
         """Return the measured velocities that agree, else d, (n,), and whether d is needed."""
         used, is_late, keep = d.tolist(), False, 1.0 - min(dt / MEMORY, 1.0)
         w, m, agreed, missed = self._integral, self._moved, self._agreed, self._missed
         before = self._before or v.tolist()
-        for j, (v_j, d_j, moved_j, far, last, is_missing) in enumerate(zip(
-                v.tolist(), used, moved.tolist(), self._far, self._v.tolist(),
-                self._missing.tolist())):
-            if is_missing:
+        for j, (v_j, d_j, step_j, far, last, missing_ns) in enumerate(zip(
+                v.tolist(), used, step.tolist(), self._far, self._signals.v.tolist(),
+                self._missing_ns.tolist())):
+            if missing_ns:
                 v_j = d_j
             elif not -far <= v_j - d_j <= far or v_j == 0.0 and not -MOVING <= d_j <= MOVING:
                 missed[j] += 1
-                self._way[j] += moved_j
                 if missed[j] <= MISSED:
                     used[j] = last
                     continue
                 v_j, agreed[j] = d_j, 0.0
-            elif missed[j]:
-                way, self._way[j] = self._way[j] + moved_j, 0.0
-                self.has_jumped |= missed[j] <= MISSED and not -JUMP <= way <= JUMP
+            else:
                 missed[j] = 0
-            if not -pi < moved_j <= pi:
-                moved_j = wrap_angle(moved_j)
             low, high = (before[j], v_j) if before[j] < v_j else (v_j, before[j])
-            w[j] = keep * w[j]
-            if moved_j < dt * low:
-                w[j] += dt * low - moved_j
-            elif moved_j > dt * high:
-                w[j] += dt * high - moved_j
-            m[j] = keep * m[j] + moved_j
+            w[j] = keep * w[j] + step_j - min(max(step_j, dt * low), dt * high)
+            m[j] = keep * m[j] + step_j
             before[j] = v_j
-            tolerance = FLOOR + RATIO * (m[j] if m[j] > 0.0 else -m[j])
+            tolerance = FLOOR + RATIO * abs(m[j])
             if not -tolerance <= w[j] <= tolerance:
                 agreed[j] = 0.0
-            elif agreed[j] < AGREEMENT and not missed[j] and not -FLOOR <= m[j] <= FLOOR:
+            elif agreed[j] < AGREEMENT and not missed[j] and abs(m[j]) > FLOOR:
                 agreed[j] += dt
             if agreed[j] < AGREEMENT:
                 is_late = True
@@ -233,48 +234,55 @@ class Gate:
         self._before = before
         return np.array(used), is_late
 
-    def _moved_fast(self) -> BoolArray:
-        """Return which joints (n,) were so fast in the last step that they cannot stand now."""
-        if len(self._states) < 2:
-            return np.zeros_like(self._missing)
-        (begin_ns, before), (end_ns, q) = self._states[-2], self._states[-1]
-        dt = (end_ns - begin_ns) / NANOSECONDS_PER_SECOND
-        moved = np.abs(q - before)
-        if self._any_wraps:
-            moved = np.where(self._wraps, np.abs(wrap_to_pi(moved)), moved)
-        return np.asarray(np.minimum(moved, dt * np.abs(self._v)) > dt * max(MOVING, BRAKING * dt))
+    def _cannot_stand(self, dt: float, step: FloatArray, v: FloatArray) -> BoolArray:
+        """Return which joints (n,) are too fast to stand at the next state."""
+        (dt_before, before), self._step = self._step, (dt, step)
+        if v.dot(v) <= MOVING * MOVING:
+            return np.zeros_like(self._fast)
+        speed = np.abs(step) / dt
+        fast = (np.minimum(speed, np.abs(v)) > MOVING) & (speed > 0.5 / dt_before * np.abs(before))
+        return fast & (self._missing_ns == 0) if self._is_missing else fast
 
-    def _left_behind(self, stamp_ns: int, q: FloatArray) -> BoolArray:
-        """Return which joints (n,) stand although their reference leaves them."""
-        none = np.zeros_like(self._missing)
-        if stamp_ns < self._check_ns:
-            return none
-        self._check_ns = stamp_ns + _CHECK_NS
-        desired, checked, self._checked = self._reference(), self._checked, q
-        if desired is None or self._left is None:
+    def _left_behind(self, q: FloatArray, same: BoolArray) -> BoolArray:
+        """Return which joints (n,) stand although their reference leaves them, and others move."""
+        desired, before = None if same.all() else self._reference(), self._left
+        if desired is None or before is None:
             self._left = desired
-            return none
-        self._left = np.where(q == checked, self._left, desired)
-        left = np.abs(desired - self._left) > LEFT
-        return left & ~self._is_held(q, desired - q) if left.any() else none
+            return np.zeros_like(same)
+        self._left = np.where(same, before, desired)
+        left = same & (np.abs(desired - self._left) > LEFT)
+        return left & ~self._is_held(q, desired - q) if left.any() else left
+
+    def _contradicts(
+        self, dt: float, same: BoolArray, v: FloatArray | None, before: FloatArray | None,
+    ) -> BoolArray:
+        """Return which joints (n,) repeat a velocity with which they cannot stand so long."""
+        if v is None or before is None:
+            return np.zeros_like(same)
+        keep = max(1.0 - dt / AGREEMENT, 0.0)
+        claimed = keep * self._claimed + dt * np.abs(v)
+        self._claimed = np.where(same & (v == before), claimed, 0.0).astype(np.float64)
+        return (self._claimed > FLOOR) & ~self.doubtful
 
     def _continued(
-        self, stamp_ns: int, q: FloatArray, same: BoolArray, suspects: BoolArray, left: BoolArray,
-    ) -> FloatArray:
-        """Return the positions (n,) with those of missing joints continued."""
-        last_ns, used = self._states[-1]
-        found = self._missing & ~same
-        if found.any():  # the positions before are moved, so that the velocity is the last one
-            shift = np.where(found, q - used - self._v * (1e-9 * (stamp_ns - last_ns)), 0.0)
-            for k, (at_ns, before) in enumerate(self._states):
-                self._states[k] = at_ns, before + shift
-        since_ns = np.where(left, last_ns - _LOST_NS, last_ns)  # a joint that is left is lost
-        self._since_ns = np.where(suspects, since_ns, self._since_ns)
-        self._missing = self._missing & same | suspects
-        self._is_missing = bool(self._missing.any())
-        if not self._is_missing:
-            return q
-        dt = 1e-9 * (stamp_ns - last_ns)
-        is_lost = self._missing & (stamp_ns - self._since_ns > _LOST_NS)
-        self._v = np.where(is_lost, exp(-DECAY * dt) * self._v, self._v)
-        return np.where(self._missing, used + dt * self._v, q)
+        self, passed_ns: int, q: FloatArray, step: FloatArray, same: BoolArray, left: BoolArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """
+        Return positions and steps (n,) with those of missing joints continued.
+
+        The first step of a joint that is found is also that of its last velocity.
+        """
+        last, dt, was_missing = self._signals, 1e-9 * passed_ns, self._missing_ns > 0
+        missing = same & (left | was_missing | self._fast)
+        if not (self._is_missing or missing.any()):
+            return q, step
+        missing_ns = np.where(left & ~was_missing, _LOST_NS, self._missing_ns)
+        self._missing_ns = np.where(missing, missing_ns + passed_ns, 0)
+        self._is_missing = bool(missing.any())
+        lost = self._missing_ns > _LOST_NS
+        self._lost = lost if lost.any() else None
+        self.plausibility.unseen = self._missing_ns / NANOSECONDS_PER_SECOND
+        v = np.where(lost, np.exp(-DECAY * dt) * last.v, last.v)
+        self._signals = last._replace(v=v)
+        step = np.where(missing | was_missing, dt * v, step)
+        return np.where(missing, last.q + step, q), step

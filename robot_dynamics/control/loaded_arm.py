@@ -22,7 +22,6 @@ LONGEST_STEP = 0.1
 class PreparedLoad(NamedTuple):
     """The data that are computed for loads and gravity before they replace the active ones."""
 
-    payloads: tuple[Payload, ...]
     planning: ArmDynamics
     workspace: WorkspaceInertia
 
@@ -42,7 +41,6 @@ class LoadedArm:
         self.unloaded = self.dynamics = UncheckedArmDynamics(arm)
         self.planning = ArmDynamics(arm)
         self.workspace = self._planned_workspace = WorkspaceInertia(self.planning)
-        self._payloads: tuple[Payload, ...] = ()
         self._transition: PayloadTransition | None = None
         self._when_done: Callable[[tuple[Payload, ...]], None] = lambda _: None
         self._stamp_ns: int | None = None
@@ -59,33 +57,30 @@ class LoadedArm:
 
         None stands for the loads or the gravity of the last exchange.
         """
-        payloads = self._payloads if payloads is None else tuple(payloads)
-        gravity = gravity if gravity is not None else self.planning.arm.gravity
-        planning = ArmDynamics(self.arm.with_gravity(gravity).with_payloads(payloads))
-        return PreparedLoad(payloads, planning, WorkspaceInertia(planning))
-
-    def replace(self, load: PreparedLoad) -> None:
-        """Activate loads at once."""
-        self._payloads, self._transition = load.payloads, None
-        self.changes = self._gravity_rate is not None
-        self._set_dynamics(load.payloads)
-        self.planning = load.planning
-        self.workspace = self._planned_workspace = load.workspace
+        last = self.planning.arm
+        planning = ArmDynamics(
+            self.arm.with_gravity(last.gravity if gravity is None else gravity).with_payloads(
+                last.payloads if payloads is None else payloads))
+        return PreparedLoad(planning, WorkspaceInertia(planning))
 
     def begin_transition(
         self, load: PreparedLoad, transition_time: float,
         when_done: Callable[[tuple[Payload, ...]], None],
     ) -> None:
         """
-        Let loads replace the active ones over transition_time [s].
+        Let loads replace the active ones over transition_time [s], 0 replaces them at once.
 
-        Until the next exchange, `workspace` is that of the heavier loads.
+        During a transition, `workspace` is that of the heavier loads, until the next exchange.
         """
         self._plan(load)
-        self._payloads, self._when_done = load.payloads, when_done
-        self._transition = PayloadTransition(
-            self.dynamics.arm.payloads, load.payloads, transition_time)
-        self.changes = True
+        payloads, self._when_done, self._transition = load.planning.arm.payloads, when_done, None
+        if transition_time > 0.0:
+            self._transition = PayloadTransition(
+                self.dynamics.arm.payloads, payloads, transition_time)
+        else:
+            self._set_dynamics(payloads)
+            self.workspace = load.workspace
+        self.changes = self._transition is not None or self._gravity_rate is not None
 
     def begin_gravity_change(self, load: PreparedLoad, rate: float) -> None:
         """Let gravity change to that of `load`, at most by `rate` [m/s³]; ∞ changes it at once."""
@@ -105,19 +100,17 @@ class LoadedArm:
     def advance(self, stamp_ns: int) -> None:
         """Activate the loads and the gravity of this stamp during a transition."""
         last_ns, self._stamp_ns = self._stamp_ns, stamp_ns
-        transition = self._transition
+        transition, payloads = self._transition, self.planning.arm.payloads
         if self._gravity_rate is not None and last_ns is not None:
             dt = min(max(1e-9 * (stamp_ns - last_ns), 0.0), LONGEST_STEP)
             self._change_gravity(self._gravity_rate * dt)
-        self._set_dynamics(
-            self._payloads if transition is None else transition.payloads(stamp_ns))
+        self._set_dynamics(payloads if transition is None else transition.payloads(stamp_ns))
         if transition is not None and transition.done:
             self._transition = None
+            self._when_done(payloads)
         self.changes = self._transition is not None or self._gravity_rate is not None
         if not self.changes:
             self._stamp_ns = None
-        if transition is not None and self._transition is None:
-            self._when_done(transition.target)
 
     def _change_gravity(self, most: float) -> None:
         """Bring the active gravity nearer to that of `planning`, at most by `most` [m/s²]."""

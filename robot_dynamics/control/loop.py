@@ -5,9 +5,8 @@
 The control loop: from a measured state to the effort that is commanded, without ROS.
 
 The node `dynamics`, the benchmark `safe_motion` and the tests use this class. A state passes, in
-this order: its plausibility (`state_plausibility`), the gate, which knows its velocities
-(`gate`), the control law with its reference (`controller`), the limits of the effort
-(`effort_limiter`) and the supervisor (`supervisor`).
+this order: the gate, which judges its values (`gate`), the control law with its reference
+(`controller`), the limits of the effort (`effort_limiter`) and the supervisor (`supervisor`).
 
 With a law that follows references, the arm always has a reference while it is commanded: it stops
 from the first measured state, and after each fault, and is held there. Before the command ends
@@ -28,6 +27,7 @@ from robot_dynamics.control.endings import Endings
 from robot_dynamics.control.gate import Gate, Signals
 from robot_dynamics.control.goal_execution import GoalExecution
 from robot_dynamics.control.laws.control_law import ControlLaw
+from robot_dynamics.control.laws.law_table import NO_COMMAND
 from robot_dynamics.control.options import (
     ControllerOptions,
     default_limits,
@@ -40,13 +40,11 @@ from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.control.safety.faults import Fault, FOLLOWING_ERROR
 from robot_dynamics.control.safety.motion_checks import frozen_joint
 from robot_dynamics.control.safety.supervisor import Brake, CommandSupervisor, Mode
-from robot_dynamics.control.scaled_laws import NO_COMMAND
 from robot_dynamics.control.trajectory_goal import Tolerances, TrajectoryGoal
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.monitoring.state_plausibility import (
     CONTRADICTION,
     ImplausibleStateError,
-    StatePlausibility,
     StateVerdict,
 )
 from robot_dynamics.trajectories.interpolation import Reference
@@ -81,7 +79,7 @@ class ControlLoop:
 
     def __init__(
         self, controller: Controller, limits: EffortLimits, safety: SafetyOptions,
-        monitor: StatePlausibility | None = None, before: 'ControlLoop | None' = None,
+        before: 'ControlLoop | None' = None,
     ) -> None:
         """
         Control the arm of a controller, whose lock the loop shares; `activate` begins.
@@ -91,15 +89,13 @@ class ControlLoop:
         """
         arm = controller.arm
         self.controller, self.lock = controller, controller.lock
-        self.monitor = StatePlausibility(
-            arm.joint_names, arm.limits.velocity, DEFAULT_STATE_MAX_AGE, arm.is_continuous,
-        ) if monitor is None else monitor
         self.goals = GoalExecution(controller, lambda: self.obstacle, lambda: self._steady)
         self.gate = Gate(
-            arm.is_continuous, arm.limits.velocity, controller.reference_position,
-            partial(is_held, controller))
+            arm.joint_names, arm.is_continuous, arm.limits.velocity, DEFAULT_STATE_MAX_AGE,
+            controller.reference_position, partial(is_held, controller),
+            lambda: self.supervisor.limiter.last is not None)
         self.supervisor = CommandSupervisor(arm.joint_names, limits, safety)
-        self.monitor.is_lock_step = safety.is_lock_step
+        self.gate.plausibility.is_lock_step = safety.is_lock_step
         if before is not None:
             self._continue(before.supervisor)
         self._endings = Endings(controller, self.goals, self.supervisor)
@@ -172,7 +168,7 @@ class ControlLoop:
             controller.set_options(options)
             self.goals.stream.set_timeout(options.stream_timeout)
             self.supervisor.set_options(limits, safety)
-            self.monitor.is_lock_step = safety.is_lock_step
+            self.gate.plausibility.is_lock_step = safety.is_lock_step
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int = 0) -> None:
         """
@@ -193,11 +189,6 @@ class ControlLoop:
         TrajectoryError if the trajectory cannot be followed, or not within its own time.
         """
         return self.goals.execute(trajectory, stamp_ns, tolerances, when_done)
-
-    def set_force_feedback(self, external: FloatArray) -> None:
-        """Let `hand_guiding` feel the external effort (n,) of a follower for 50 ms."""
-        with self.lock:
-            self.controller.feel(external)
 
     @property
     def obstacle(self) -> str:
@@ -259,26 +250,14 @@ class ControlLoop:
                     raise ImplausibleStateError(
                         'no velocity', 'velocity is empty, expected one value per joint '
                         '(require_measured_velocities)')
-                verdict = self.monitor.judge(
-                    stamp_ns, clock_ns, q, has_several_publishers, steady_ns)
-                if verdict.restart or verdict.time_shift:
-                    self._follow_time(verdict)
+                signals = self.gate.take(
+                    stamp_ns, q, v, clock_ns, steady_ns, has_several_publishers)
+                if signals.verdict.restart and self.states > 0:
+                    self.restarts[signals.verdict.restart] += 1
+                    self._endings.restart(now, signals.verdict.restart)
                 if now > self.goals.stream.deadline:
                     self._endings.end(now, self.goals.pause())
-                signals = self.gate.take(verdict.stamp, q, v)
-                if signals is None and self.supervisor.limiter.last is None and (
-                        v is None or not v.any()):  # at rest since the command ended
-                    self.gate.restart()
-                    signals = self.gate.take(verdict.stamp, q, v)
-                if signals is None and self._output is not None:
-                    repeated = self.supervisor.repeat()
-                    if publish is not None and repeated is not None:
-                        publish(repeated)
-                    return LoopAnswer(repeated, self._output, verdict._replace(is_new=False))
-                if self.gate.has_jumped:
-                    self.gate.has_jumped = False
-                    self._restart('jump')
-                answer = self._answer(verdict, signals or Signals(q, 0.0 * q), now, fault)
+                answer = self._answer(signals, now, fault)
                 if publish is not None and answer.effort is not None:
                     publish(answer.effort)
                 if self.goals.goal is not None:
@@ -294,11 +273,11 @@ class ControlLoop:
                 self.end(now, Ending.by(Fault('non_finite', str(error), latched=True)))
                 raise
 
-    def _answer(
-        self, verdict: StateVerdict, signals: Signals, now: float, fault: Fault | None,
-    ) -> LoopAnswer:
-        controller, supervisor, dt = self.controller, self.supervisor, verdict.dt
-        q, v, delay, lost = signals
+    def _answer(self, signals: Signals, now: float, fault: Fault | None) -> LoopAnswer:
+        controller, supervisor = self.controller, self.supervisor
+        q, v, verdict, delay, lost = signals
+        if not verdict.is_new and self._output is not None and not self._awaits_command:
+            return LoopAnswer(supervisor.repeat(), self._output, verdict)
         if lost is not None:
             fault = fault or frozen_joint(controller.arm.joint_names, lost)
             if supervisor.is_held_in_vain(v):
@@ -308,13 +287,12 @@ class ControlLoop:
         if output.command is None:
             supervisor.end(now, Ending(Kind.RELEASE_NOW, 'there is no command'))
             return LoopAnswer(None, output, verdict)
-        if not verdict.is_new and not self._awaits_command:
-            return LoopAnswer(supervisor.repeat(), output, verdict)
-        if output.law.exceeds_limit:
+        tracking = output.law.tracking
+        if tracking is not None and tracking.exceeds_limit:
             fault = fault or Fault(FOLLOWING_ERROR, output.state.feedback.worst_error(
-                output.state.reference.position, q, controller.arm.joint_names))
+                tracking.error, controller.arm.joint_names))
         if fault is None:
-            effort = supervisor.usual(now, q, v, output.command, output.holding_effort, dt)
+            effort = supervisor.usual(now, q, v, output.command, output.holding_effort, verdict.dt)
             if effort is not None:
                 if effort is output.command and output.law.scale == 1.0 and (
                         output.clamped is None):
@@ -326,7 +304,7 @@ class ControlLoop:
             supervisor.activate()
         brake: Brake = partial(braked, controller, returns=supervisor.was_inside)
         limited = supervisor.answer(
-            now, q, v, output.command, output.holding_effort, dt, brake, fault,
+            now, q, v, output.command, output.holding_effort, verdict.dt, brake, fault,
             partial(controller.motion_equation, output), output.state.trajectory is not None)
         self._endings.follow_state(now, verdict.stamp, q, v)
         return LoopAnswer(limited, output, verdict, supervisor.limiter.active if (
@@ -335,8 +313,8 @@ class ControlLoop:
     @property
     def _awaits_command(self) -> bool:
         """Whether a repeated state is answered: a simulation in lock-step waits for a command."""
-        return self.monitor.is_other_clock and self.is_active and self.supervisor.mode in (
-            Mode.INACTIVE, Mode.WAITING)
+        waits = self.supervisor.mode in (Mode.INACTIVE, Mode.WAITING)
+        return self.is_active and waits and self.gate.plausibility.is_other_clock
 
     def tick(self, now: float) -> FloatArray | None:
         """Return the effort (n,) that is due without a state (fault action, ramp), or None."""
@@ -344,16 +322,3 @@ class ControlLoop:
             effort = self.supervisor.tick(now, partial(coasting, self.controller))
             self._endings.follow(now)
             return effort
-
-    def _restart(self, reason: str) -> None:
-        self.restarts[reason] += 1
-        self._endings.restart(self._steady, reason)
-
-    def _follow_time(self, verdict: StateVerdict) -> None:
-        """Restart, or shift the times of the reference, as the stamps of the states do."""
-        if verdict.restart:
-            self.gate.restart()
-            if self.states > 0:
-                self._restart(verdict.restart)
-        if verdict.time_shift:
-            self.controller.followed.shift_time(verdict.time_shift)

@@ -3,17 +3,15 @@
 
 """Options of the controller."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.laws.cartesian import Cartesian, make_cartesian
 from robot_dynamics.control.laws.error_feedback import Gains, make_gains
-from robot_dynamics.control.laws.guiding import Guiding, make_guiding
-from robot_dynamics.control.laws.impedance import Impedance, make_impedance
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
@@ -26,8 +24,6 @@ FULL_EFFORT_TIME = 0.1
 """Default time [s] in which the command may change by the effort limit of a joint."""
 DEFAULT_EFFORT_RATE = 1000.0
 """Default rate of change [N·m/s] or [N/s] for a joint without an effort limit."""
-POSITION_MARGIN = 0.01
-"""Default distance [rad] or [m] before a position limit at which the effort is limited."""
 DEFAULT_STATE_MAX_AGE = 0.2
 """Default of the largest age of a state [s]."""
 
@@ -38,11 +34,11 @@ class ControllerOptions:
 
     gains: Gains
     command: str = 'computed_torque'
-    """A name of `scaled_laws.LAWS`, or `none`."""
+    """The name of a law, or `none`; see `law_table`."""
     effort_limit_fraction: float = 1.0
     """The command is clamped to this fraction of the effort limits of the URDF."""
     friction_compensation: str = 'reference'
-    """The velocity at which computed torque compensates friction; see `error_feedback`."""
+    """The velocity at which computed torque compensates friction; see `computed_torque`."""
     effort_rate: FloatArray | float = math.inf
     """Largest rate of change of the torque [N·m/s] or [N/s], (n,) or one for all joints."""
     effort_convention: EffortConvention = EffortConvention()
@@ -63,12 +59,8 @@ class ControllerOptions:
     """Reject points beyond the position and velocity limits of the arm; see `goal_limits`."""
     clips_positions: bool = False
     """Clip positions beyond the limits instead of rejecting them."""
-    impedance: Impedance | None = None
-    """Stiffness and damping ratio of the law `joint_impedance`, which requires them."""
-    guiding: Guiding | None = None
-    """Options of the law `hand_guiding`, which requires them."""
-    cartesian: Cartesian | None = None
-    """Options of the law `cartesian_impedance`, which requires them."""
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    """Values of parameters that laws declare (`LawParameter`), by name; else their defaults."""
     drive_stiffness: FloatArray | None = None
     """k_p (n,) [N·m/rad] or [N/m] of drives that move the arm with `FeedForward`."""
 
@@ -79,6 +71,13 @@ class ControllerOptions:
             return np.where(limit > 0.0, limit, math.inf)
         return np.where(
             np.isfinite(velocity_limit), ERROR_TIME * velocity_limit, DEFAULT_ERROR)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawOptions(ControllerOptions):
+    """The options that a law is made with; `parameters` has the checked values of its own."""
+
+    arm: ArmModel
 
 
 def default_effort_rates(arm: ArmModel) -> FloatArray:
@@ -92,8 +91,6 @@ def default_options(arm: ArmModel, **options: Any) -> ControllerOptions:
     rates = default_effort_rates(arm)
     defaults: dict[str, Any] = {
         'gains': make_gains(arm.joint_names),
-        'impedance': make_impedance(arm.joint_names, arm.limits.effort),
-        'guiding': make_guiding(arm), 'cartesian': make_cartesian(arm),
         'effort_rate': rates if arm.drive is None else arm.drive.scale * rates,
         'scales_gains': True, 'conditions_references': True, 'stops_and_holds': True,
         'checks_goals': True}
@@ -104,5 +101,5 @@ def default_limits(arm: ArmModel) -> EffortLimits:
     """Return the limits of the command by the defaults of the node `dynamics`."""
     limits = arm.limits
     return EffortLimits(
-        limits.lower, limits.upper, limits.velocity, POSITION_MARGIN, default_effort_rates(arm),
+        limits.lower, limits.upper, limits.velocity, default_effort_rates(arm),
         arm.given_drive.limit)

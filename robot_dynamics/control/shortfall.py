@@ -13,7 +13,6 @@ TOLERANCE = 0.01
 """[rad] or [m] that a joint may rest away from the end of its reference."""
 PATIENCE = 0.5
 """[s] after the end of a reference."""
-_OF_LIMIT = 0.99
 
 
 def shortfall(controller: Controller) -> str:
@@ -39,7 +38,7 @@ def shortfall(controller: Controller) -> str:
         needed = feedback[j] + body.gravity(q)[j]
         limit, may_hold = arm.limits.effort[j], is_held(controller, q, e)[j]
     units = units_of(arm.joint_kinds[j])
-    if abs(needed) > _OF_LIMIT * limit:
+    if abs(needed) > limit:
         cause = f'its effort limit of {limit:g} {units.effort} does not suffice'
     elif may_hold and arm.friction.at_rest.static[j] > 0.0:
         cause = (

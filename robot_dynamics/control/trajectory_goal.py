@@ -10,16 +10,15 @@ docs/moveit.md lists. `ControlLoop.execute` starts a goal, and judges it after e
 """
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import auto, Enum
 import math
 from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.exceptions import InvalidInputError, JointNamesError
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.trajectories.interpolation import Reference
 
@@ -31,23 +30,21 @@ MOVED, REST_TIME_NS = 5e-4, 20_000_000
 """An arm at rest moves less than MOVED [rad] or [m] in REST_TIME_NS [ns], at most at this rate."""
 LONGEST_STOP = 5.0
 """[s] after a planned stop within which the arm must be at rest."""
-DEFAULT, ERASED = 0.0, -1.0
-"""Values of a tolerance: use the default, and use no tolerance."""
 DEFAULT_GOAL_TOLERANCE = 0.01
 """Default distance [rad] or [m] from the goal at which it is reached."""
 DEFAULT_GOAL_TIME = 5.0
-"""Default time [s] after the end of the trajectory for the arm to reach the goal."""
+"""[s] after the end of the trajectory for the arm to reach the goal, without a given time."""
 
 
-class ResultCode(IntEnum):
-    """The error codes of the result of `FollowJointTrajectory`."""
+class ResultCode(Enum):
+    """The names of the error codes of the result of `FollowJointTrajectory`."""
 
-    SUCCESSFUL = 0
-    INVALID_GOAL = -1
-    INVALID_JOINTS = -2
-    OLD_HEADER_TIMESTAMP = -3
-    PATH_TOLERANCE_VIOLATED = -4
-    GOAL_TOLERANCE_VIOLATED = -5
+    SUCCESSFUL = auto()
+    INVALID_GOAL = auto()
+    INVALID_JOINTS = auto()
+    OLD_HEADER_TIMESTAMP = auto()
+    PATH_TOLERANCE_VIOLATED = auto()
+    GOAL_TOLERANCE_VIOLATED = auto()
 
 
 class GoalResult(NamedTuple):
@@ -75,45 +72,13 @@ class Tolerances:
 
 
 def default_tolerances(
-    joint_names: Sequence[str], path: FloatArray | None = None, goal: FloatArray | None = None,
-    goal_time: float = DEFAULT_GOAL_TIME,
+    joint_names: Sequence[str], goal: FloatArray | None = None,
 ) -> Tolerances:
-    """Return tolerances (n,) with 0 meaning none; by default only those of the goal."""
+    """Return tolerances of the `goal` (n,) only, 0 for none."""
     n = len(joint_names)
-
-    def bound(values: FloatArray | None, default: float) -> FloatArray:
-        found = np.full(n, default) if values is None else values
-        return np.where(found > 0.0, found, math.inf)
-
-    return Tolerances(
-        bound(path, 0.0), np.full(n, math.inf), bound(goal, DEFAULT_GOAL_TOLERANCE),
-        np.full(n, math.nan), goal_time if goal_time > 0.0 else math.inf)
-
-
-def with_given(
-    field: str, given: Mapping[str, float], defaults: FloatArray, joint_names: Sequence[str],
-) -> FloatArray:
-    """
-    Return tolerances (n,): those that are `given` by joint name, and the defaults.
-
-    0 keeps the default, −1 means none. Raises JointNamesError for an unknown joint, and
-    InvalidInputError for another negative value or one that is not finite.
-    """
-    values = defaults.copy()
-    for name, value in given.items():
-        if name not in joint_names:
-            raise JointNamesError(
-                f'{field} has a tolerance for {name!r}, expected joints of this arm: '
-                f'{list(joint_names)}')
-        if value == ERASED:
-            values[list(joint_names).index(name)] = math.inf
-        elif not 0.0 <= value < math.inf:
-            raise InvalidInputError(
-                f'{field} of {name!r} is {value:g}, expected a tolerance above 0, 0 for the '
-                'default, or -1 for none')
-        elif value != DEFAULT:
-            values[list(joint_names).index(name)] = value
-    return values
+    goal = np.full(n, DEFAULT_GOAL_TOLERANCE) if goal is None else goal
+    none = np.full(n, math.inf)
+    return Tolerances(none, none, np.where(goal > 0.0, goal, math.inf), np.full(n, math.nan))
 
 
 class GoalFeedback(NamedTuple):

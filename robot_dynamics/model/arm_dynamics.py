@@ -38,7 +38,7 @@ class EffortTerms(NamedTuple):
     An effort by term, each (n,) [N·m] or [N], and the energies [J].
 
     effort = inertial + coriolis + gravity + friction + external. `inertial` is M(q) times an
-    acceleration; that of a command contains the feedback (`control.laws.equation_terms`).
+    acceleration; that of a command contains the feedback.
     """
 
     inertial: FloatArray

@@ -30,17 +30,14 @@ from robot_dynamics.joints.effort_convention import (
 from robot_dynamics.joints.friction import FRICTION_FIELDS, make_friction
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel, STANDARD_GRAVITY
 from robot_dynamics.model.effort_deviation import make_uncertainty
+from robot_dynamics.urdf.yaml_text import load_yaml
 from robot_dynamics.validation import check_vector, covariance_root, LARGEST_VALUE
-from robot_dynamics.yaml_text import load_yaml
 
 NODE = 'dynamics'
 FORMER_NAMES = {
     'effort_scale': 'effort_limit_fraction',
     'friction.effort_offset': 'friction.effort_bias',
     'friction.load': 'friction.load_coefficient',
-    'position_fault_margin': 'position_limit_tolerance',
-    'position_margin': 'position_limit_margin',
-    'soften_gains': 'scale_gains',
     'uncertainty.effort_noise': 'uncertainty.noise_deviation',
 }
 """Former names of parameters, which are still accepted, and the names that replace them."""

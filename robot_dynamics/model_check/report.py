@@ -8,12 +8,12 @@ import textwrap
 from typing import NamedTuple
 
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.worst_gravity import Search, THOROUGH
 from robot_dynamics.model_check.body_checks import unmeasured
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.model_check.finding import CHECKS, ERROR, errors_of, Finding, WARNING
+from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.urdf.inertials import MeshBounds, read_bodies
 
 _WIDTH = 110

@@ -29,26 +29,23 @@ from robot_dynamics.joints.effort_convention import (
 )
 from robot_dynamics.joints.friction import JointFriction
 
-STILL_VELOCITY = 0.05
-"""Velocity [rad/s] or [m/s] that no joint may exceed in any sample; allows for noise."""
 STILL_BAND = 0.0025
 """Largest distance [rad] or [m] of every joint from the first sample, apart from whole turns."""
 WINDOW_NS = 500_000_000
 MIN_SAMPLES = 20
-MAX_GAP_NS = 250_000_000
-SAMPLE_PERIOD_NS = 4_500_000
-"""Shortest interval of the stored states: a hundred per window suffice and are fast to judge."""
+MAX_GAP_NS = WINDOW_NS // 2
+SAMPLE_PERIOD_NS = WINDOW_NS // 110
+"""Shortest interval of the stored states: about a hundred per window are fast to judge."""
 MIN_GRAVITY = 0.1
 """Smallest gravity effort [N·m] or [N] with which a joint is used."""
 CLEARANCE = 4.0
 """Smallest ratio of the gravity effort to friction and noise with which a joint is used."""
-STEADY = 0.25
-"""Largest difference of k between the two halves of a window."""
 TOLERANCE = 0.5
-MAX_BAND = 0.25
-"""Largest addition of friction, noise and gears to the tolerance, which keeps 0 and 1 apart."""
-UNLOADED = 0.25
-"""Share of gravity in the measured effort below which the brakes probably carry the arm."""
+"""Half of the difference between the values of k to tell apart, 0 and 1."""
+MARGIN = 0.5 * TOLERANCE
+"""Largest addition of friction, noise and gears to the tolerance; largest difference of k between
+the two halves of a window; and share of gravity in the measured effort below which the brakes
+probably carry the arm."""
 UNLOADED_PATIENCE_NS = 3_000_000_000
 """Duration of this state under a command: the command first has to arrive and open the brakes."""
 
@@ -125,8 +122,8 @@ class GravityCheck:
         self._last_time = 0
 
     def add(
-        self, t: int, q: FloatArray, v: FloatArray | None, effort: FloatArray,
-        command: FloatArray | None, gravity: FloatArray,
+        self, t: int, q: FloatArray, effort: FloatArray, command: FloatArray | None,
+        gravity: FloatArray,
     ) -> GravityVerdict | None:
         """
         Take a state at the time t [ns]; return the verdict, or None until the check decides.
@@ -135,12 +132,10 @@ class GravityCheck:
         `command` (n,) is active at that time, None for no command; `gravity` (n,) is the gravity
         torque that the robot would compensate.
         """
-        if not self._continues(t, q, v, command):
+        if not self._samples or not self._continues(t, q, command):
+            self.waiting = STILL if self._samples else self.waiting
             self._samples.clear()
             self._first_position, self._commanded = q, command is not None
-        if v is not None and np.abs(v).max() > STILL_VELOCITY:
-            self.waiting = STILL
-            return None
         self._last_time = t
         if self._samples and t - self._samples[-1].t < SAMPLE_PERIOD_NS:
             return None
@@ -153,20 +148,13 @@ class GravityCheck:
         self._samples.clear()
         return verdict
 
-    def _continues(
-        self, t: int, q: FloatArray, v: FloatArray | None, command: FloatArray | None,
-    ) -> bool:
-        if not self._samples:
-            return False
+    def _continues(self, t: int, q: FloatArray, command: FloatArray | None) -> bool:
+        """Return whether the arm has stood still since the first sample of the window."""
+        first = self._first_position
+        way = np.abs(nearest_turn(q, first, self._is_continuous) - first)
         return (
             0 < t - self._last_time <= MAX_GAP_NS and (command is not None) == self._commanded
-            and (v is None or bool(np.abs(v).max() <= STILL_VELOCITY))
-            and self._distance(q) <= STILL_BAND)
-
-    def _distance(self, q: FloatArray) -> float:
-        """Return the largest displacement [rad] or [m] of a joint since the first sample."""
-        first = self._first_position
-        return float(np.abs(nearest_turn(q, first, self._is_continuous) - first).max())
+            and bool(way.max() <= STILL_BAND))
 
     def _judge(self) -> GravityVerdict | None:
         """Return the verdict of a whole window, or None and state the reason in `waiting`."""
@@ -191,7 +179,7 @@ class GravityCheck:
         used = finite & (np.abs(g) > np.maximum(MIN_GRAVITY, CLEARANCE * self._friction))
         half = len(beyond) // 2
         if used.any() and abs(_gravity_ratio(g, beyond[:half], used)
-                              - _gravity_ratio(g, beyond[half:], used)) > STEADY:
+                              - _gravity_ratio(g, beyond[half:], used)) > MARGIN:
             self.waiting = STILL  # a command, or what opens brakes, has just begun to act
             return None
         band = self._friction + _deviation(beyond)
@@ -205,7 +193,7 @@ class GravityCheck:
         widened = float(np.abs(g[used]) @ band / (g[used] @ g[used]))
         return GravityVerdict(
             _gravity_ratio(g, beyond, used), self._convention.expected_ratio,
-            TOLERANCE + min(widened, MAX_BAND),
+            TOLERANCE + min(widened, MARGIN),
             np.where(finite, _median(measured), np.nan),
             _median(commands), g, used)
 
@@ -214,7 +202,7 @@ class GravityCheck:
     ) -> bool:
         """Return whether the measured effort carries the arm, or a command was active for long."""
         missing = g if self._convention.lacks_gravity else np.zeros_like(g)
-        if _gravity_ratio(g, measured + missing, used) >= UNLOADED:
+        if _gravity_ratio(g, measured + missing, used) >= MARGIN:
             self._unloaded_since = None
             return True
         self.waiting = UNLOADED_WORDS

@@ -32,19 +32,17 @@ from robot_dynamics.validation import LARGEST_VALUE
 
 SAME_CLOCK = 3600.0
 """[s] within which a stamp is assumed to be of the clock of this computer."""
-SIMULATED_BEFORE = 1e9
-"""[s] since 1970: stamps before this time, in 2001, are simulated time."""
+SIMULATED_BEFORE = 1_000_000_000 * 10**9
+"""[ns] since 1970: stamps before this time, in 2001, are simulated time."""
 LONGEST_GAP = 30.0
 """[s] between two states after which the previous state is no longer used."""
-_LONGEST_GAP_NS = int(1e9 * LONGEST_GAP)
 JUMP = 1.0
 """[s] by which a stamp may run ahead of the clock between two states, without a `max_age`."""
-_JUMP_NS = int(1e9 * JUMP)
 DRIFT = 1e-3
 """Rate [s/s] at which the offset of the clock of another computer is tracked."""
 PLAY = 0.05
 """[rad] or [m] that a joint may move between two states at any velocity."""
-SPEED_FACTOR, LARGEST_SPEED = 1.5, 100.0
+SPEED_FACTOR, LARGEST_SPEED = 1.5, 20.0
 """Plausible speed by the velocity limit, which is at most LARGEST_SPEED [rad/s] or [m/s]."""
 CONFIRMATIONS = 5
 """States that must confirm an implausible state."""
@@ -67,14 +65,13 @@ class StateVerdict(NamedTuple):
 
     `restart` states why the estimates restart with this state; it is empty if they continue. A
     state with the stamp of the previous one is not new, whatever else it contains. `stamp` [ns] is
-    the time of the state; the time of the previous state decreases by `time_shift` [ns].
+    the time of the state.
     """
 
     is_new: bool
     dt: float | None = None
     restart: str = ''
     stamp: int = 0
-    time_shift: int = 0
 
 
 class StatePlausibility:
@@ -94,26 +91,32 @@ class StatePlausibility:
         self.max_age = max_age
         self.has_age: Callable[[], bool] = lambda: True
         """Called before a state is rejected for its age: returns whether stamps have an age."""
-        self._q = np.zeros(len(joint_names))
-        self._values: list[float] = []
-        """The last position as a list, whose distance is faster to compute."""
+        self.is_lock_step = False
+        """Whether a simulation waits for each answer: no state is rejected, and 0 is a stamp."""
+        self._q: FloatArray = np.zeros(len(joint_names))
+        self.unseen: FloatArray = np.zeros(len(joint_names))
+        """[s] since the last sample of each joint (n,) whose sample is missing, 0 for others."""
         self._stamp: int | None = None
         self._received = 0
-        self._is_same_clock = self._is_unstamped = False
-        self._is_simple = False
-        """Whether the last state was of the clock of this computer, and uncontradicted."""
-        self.is_other_clock = True
-        """Whether stamps are of a simulation, or of the clock of another computer."""
         self._offset = 0.0
-        """Delay [s] of the clock of the stamps relative to the clock of this computer."""
+        """[s] by which the clock of the stamps is behind that of this computer; 0: the same."""
         self._challenger: tuple[int, FloatArray, int] | None = None
         """Stamp and position of the newest rejected state, and the count of those before it."""
         self._has_several = False
         """Whether there were several publishers when it was rejected."""
-        self.is_lock_step = False
-        """Whether a simulation waits for each answer: no state is rejected, and 0 is a stamp."""
         self._contradiction = 0
         """Number of good states until a contradiction between publishers has ended."""
+
+    @property
+    def is_other_clock(self) -> bool:
+        """Whether stamps are of a simulation, or of the clock of another computer."""
+        return self._stamp is None or self._offset != 0.0
+
+    @property
+    def clock_offset(self) -> float:
+        """[s] by which the clock of another computer is behind; 0 for other stamps."""
+        is_known = self._stamp is not None and self._stamp >= SIMULATED_BEFORE and self.has_age()
+        return self._offset if is_known else 0.0
 
     def judge(
         self, stamp: int, clock: int, q: FloatArray,
@@ -122,96 +125,52 @@ class StatePlausibility:
         """
         Return the verdict on a state; `clock` is the time of this computer, never that of /clock.
 
-        `steady` [ns] is the time of a steady clock; if it is omitted, it is `clock`.
-
-        A stamp of 0 means that there is no stamp; `clock` then replaces it, unless 0 was the first
-        stamp of a simulation, whose stamps then continue from 0.
+        `steady` [ns] is the time of a steady clock; if it is omitted, it is `clock`. A stamp of 0
+        means that there is no stamp; `clock` then replaces it, but not in lock-step.
         `has_several_publishers` is called if the state cannot follow the previous one. Raises
         ImplausibleStateError with the reason 'too old', 'from the future', 'stamp jumped ahead',
         'stamp went back' or 'jump'.
         """
-        if steady is None:
-            steady = clock
-        last = self._stamp
-        if self._is_simple and last is not None:  # the usual case; others are checked in full
-            passed_ns, largest = steady - self._received, 1e9 * self.max_age or _JUMP_NS
-            if (last < stamp <= last + passed_ns + largest and 0 <= passed_ns <= _LONGEST_GAP_NS
-                    and (self.max_age <= 0.0 or abs(clock - stamp) <= largest)
-                    and math.dist(values := q.tolist(), self._values) <= PLAY):
-                self._stamp, self._q, self._received, self._values = stamp, q, steady, values
-                return StateVerdict(True, 1e-9 * (stamp - last), '', stamp)
-        self._is_simple = False
+        steady = clock if steady is None else steady
+        if stamp == 0 and not self.is_lock_step:
+            stamp = clock
         passed = 1e-9 * (steady - self._received)
         if not 0.0 <= passed <= LONGEST_GAP:
             self._stamp = None
-        is_unstamped, shift = stamp == 0 and not self.is_lock_step, 0
-        if is_unstamped:
-            stamp = clock
-        elif self._is_unstamped and self._stamp is not None:  # stamps begin
-            shift = self._stamp if stamp < 1e9 * SAME_CLOCK else 0
-            self._stamp = None
-        age = 1e-9 * (clock - stamp)
-        is_same_clock = abs(age) < SAME_CLOCK or self._stamp is not None and self._is_same_clock
-        if self.max_age > 0.0:
-            self._check_clock(stamp, age, is_same_clock)
-        judgement = self._follows(stamp, passed, q, has_several_publishers)
-        if judgement.is_new:
-            self._follow_offset(age, passed, bool(judgement.restart))
-            self._stamp, self._q, self._received, self._values = stamp, q, steady, q.tolist()
-            self._is_same_clock, self._is_unstamped = is_same_clock, is_unstamped
-            self.is_other_clock = not is_same_clock
-        self._is_simple = self._is_same_clock and not self._is_unstamped and (
-            self._challenger is None and not self._contradiction)
-        is_new, dt, restart, *_ = judgement
-        return StateVerdict(is_new, dt, '' if shift else restart, stamp, shift)
-
-    def _check_clock(self, stamp: int, age: float, is_same_clock: bool) -> None:
-        """Raise ImplausibleStateError for a stamp that is too far from its clock."""
-        if is_same_clock:
-            excess, clock = age, 'by the clock of this computer'
-        elif self._stamp is None or stamp < 1e9 * SIMULATED_BEFORE:
-            return
-        else:
-            excess, clock = age - self._offset, 'by the offset of its clock so far'
-        if abs(excess) <= self.max_age or not self.has_age():
-            return
-        expected = f'expected at most {self.max_age:g} s (state_max_age), {clock}'
-        if excess > 0.0:
-            raise ImplausibleStateError(
-                'too old', f'header.stamp is {excess:.3f} s old, {expected}')
-        raise ImplausibleStateError(
-            'from the future', f'header.stamp is {-excess:.3f} s in the future, {expected}')
-
-    def _follow_offset(self, age: float, interval: float, is_first: bool) -> None:
-        most = math.inf if is_first else DRIFT * interval
-        self._offset += min(max(age - self._offset, -most), most)
-
-    def _follows(
-        self, stamp: int, passed: float, q: FloatArray,
-        has_several_publishers: Callable[[], bool],
-    ) -> StateVerdict:
+        offset = self._current_offset(stamp, 1e-9 * (clock - stamp), passed)
+        if stamp == self._stamp:
+            return StateVerdict(False, stamp=stamp)
+        dt, restart = None, 'first state'
         if self._stamp is None:
             self._check_is_possible(q)
-            return StateVerdict(True, restart='first state')
-        if stamp == self._stamp:
-            return StateVerdict(False)
-        dt = 1e-9 * (stamp - self._stamp)
-        try:
-            with np.errstate(over='ignore', invalid='ignore'):  # any finite number can be measured
-                self._check_follows(dt, passed, q)
-        except ImplausibleStateError as error:
-            self._check_is_possible(q)
-            self._has_several = has_several_publishers()
-            if not (self.is_lock_step or self._is_confirmed(stamp, q)):
-                raise
-            self._challenger = None
-            return StateVerdict(True, dt if error.reason == 'jump' else None, error.reason)
-        if self._challenger is not None:
-            self._challenger = None
-            if self._has_several:
-                self._contradiction = CONTRADICTION
-        self._contradiction = max(self._contradiction - 1, 0)
-        return StateVerdict(True, dt)
+        else:
+            dt = 1e-9 * (stamp - self._stamp)
+            restart, words = self._contradicts(dt, passed, q)
+            if not restart:
+                if self._challenger is not None and self._has_several:
+                    self._contradiction = CONTRADICTION
+                self._contradiction = max(self._contradiction - 1, 0)
+            elif not self.is_lock_step:
+                self._has_several = has_several_publishers()
+                self._check_is_confirmed(stamp, q, restart, words)
+        self._stamp, self._received, self._q, self._offset = stamp, steady, q, offset
+        self._challenger = None
+        return StateVerdict(True, None if restart else dt, restart, stamp)
+
+    def _current_offset(self, stamp: int, age: float, passed: float) -> float:
+        """Return the offset of the clock of a stamp; raise ImplausibleStateError for its age."""
+        is_new = self._stamp is None or stamp < SIMULATED_BEFORE  # simulated time has no age
+        offset = 0.0 if abs(age) < SAME_CLOCK else age if is_new else self._offset
+        excess = age - offset
+        if abs(excess) > self.max_age > 0.0 and self.has_age():
+            reason, side = ('too old', 'old') if excess > 0.0 else (
+                'from the future', 'in the future')
+            clock = 'offset of its clock so far' if offset else 'clock of this computer'
+            raise ImplausibleStateError(
+                reason, f'header.stamp is {abs(excess):.3f} s {side}, expected at most '
+                f'{self.max_age:g} s (state_max_age), by the {clock}')
+        drift = DRIFT * passed
+        return offset + min(max(excess, -drift), drift) if offset else 0.0
 
     def _check_is_possible(self, q: FloatArray) -> None:
         """Raise ImplausibleStateError for a position (n,) that no arm has."""
@@ -221,47 +180,45 @@ class StatePlausibility:
                 'jump', f'position of {self._names[j]!r} is {q[j]:g}, expected at most '
                 f'{LARGEST_VALUE:g}; it is not used')
 
-    def _is_confirmed(self, stamp: int, q: FloatArray) -> bool:
-        """Return whether enough states that did not follow the old ones follow each other."""
-        if self._contradiction > 0:
-            return False
-        count = 0
+    def _contradicts(self, dt: float, passed: float, q: FloatArray) -> tuple[str, str]:
+        """Return why a state cannot follow the last one, and its words; empty if it can."""
+        is_near = math.dist(q.tolist(), self._q.tolist()) <= PLAY
+        if not is_near:
+            self._check_is_possible(q)
+        if dt < 0.0:
+            return 'stamp went back', (
+                f'header.stamp is {-dt:.3f} s before that of the previous state, expected a later '
+                'stamp')
+        largest = self.max_age or JUMP
+        if dt - passed > largest:
+            return 'stamp jumped ahead', (
+                f'header.stamp is {dt:.3f} s after that of the state {passed:.3f} s before, '
+                f'expected at most {largest:g} s more')
+        if is_near:
+            return '', ''
+        moved = np.abs(nearest_turn(q, self._q, self._wraps) - self._q)
+        way = self._speed * (dt + self.unseen)
+        if self._challenger is not None and math.dist(q, self._challenger[1]) < math.dist(
+                q, self._q):  # the arm has not moved to the place of the rejected states
+            way = 0.0 * way
+        excess = moved - PLAY - way
+        j = int(np.argmax(excess))
+        return ('', '') if excess[j] <= 0.0 else ('jump', (
+            f'position of {self._names[j]!r} is {q[j]:g}, {moved[j]:g} away from that of {dt:.3f} '
+            f's before, expected at most {PLAY:g} and {SPEED_FACTOR:g} times the distance at its '
+            'velocity limit'))
+
+    def _check_is_confirmed(self, stamp: int, q: FloatArray, reason: str, words: str) -> None:
+        """Raise ImplausibleStateError until enough such states have followed each other."""
+        is_conflict, count = self._contradiction > 0, 0
         if self._challenger is not None:
             before, q_before, count = self._challenger
-            way = PLAY + self._speed * (1e-9 * (stamp - before))
-            follows = 0 <= stamp - before <= _LONGEST_GAP_NS and bool(
-                (np.abs(q - q_before) <= way).all())
+            dt = 1e-9 * (stamp - before)
+            follows = dt >= 0.0 and bool(
+                (np.abs(q - q_before) <= PLAY + self._speed * dt).all())
             count = count + 1 if follows else 0
         self._challenger = stamp, q, count
-        return count >= CONFIRMATIONS
-
-    def _has_hardly_moved(self, q: FloatArray) -> bool:
-        """Return in one step, for the common case, whether the distance is at most PLAY."""
-        return math.dist(q.tolist(), self._q.tolist()) <= PLAY
-
-    def _check_follows(
-        self, dt: float, passed: float, q: FloatArray,
-    ) -> None:
-        is_conflict = self._contradiction > 0
-        publishers = 'there are several publishers of joint_states' if is_conflict else (
-            'it is not used')
-        if dt < 0.0:
-            raise ImplausibleStateError(
-                'stamp went back', f'header.stamp is {-dt:.3f} s before that of the previous '
-                f'state, expected a later stamp; {publishers}', is_conflict)
-        largest = self.max_age if self.max_age > 0.0 else JUMP
-        if dt > LONGEST_GAP or dt - passed > largest:
-            raise ImplausibleStateError(
-                'stamp jumped ahead', f'header.stamp is {dt:.3f} s after that of the state '
-                f'{passed:.3f} s before, expected at most {largest:g} s more; {publishers}',
-                is_conflict)
-        if self._has_hardly_moved(q):
-            return
-        moved = np.abs(nearest_turn(q, self._q, self._wraps) - self._q)
-        too_far = ~(moved <= PLAY + self._speed * dt) | (np.abs(q) > LARGEST_VALUE)
-        if too_far.any():
-            j = int(np.argmax(too_far))
-            raise ImplausibleStateError(
-                'jump', f'position of {self._names[j]!r} is {q[j]:g}, {moved[j]:g} away from '
-                f'that of {dt:.3f} s before, expected at most {PLAY:g} and {SPEED_FACTOR:g} times '
-                f'the distance at its velocity limit; {publishers}', is_conflict)
+        if is_conflict or count < CONFIRMATIONS:
+            publishers = 'there are several publishers of joint_states' if is_conflict else (
+                'it is not used')
+            raise ImplausibleStateError(reason, f'{words}; {publishers}', is_conflict)

@@ -3,12 +3,10 @@
 
 """The planner of references, and what follows trajectories and streams."""
 
-from robot_dynamics.references.follower import TrajectoryFollower
 from robot_dynamics.references.motion_limits import MotionLimits
 from robot_dynamics.references.reference_generator import ReferenceGenerator
 
 __all__ = [
     'MotionLimits',
     'ReferenceGenerator',
-    'TrajectoryFollower',
 ]

@@ -12,6 +12,7 @@ workspace:
     Σ_k |M_ik(q)| a_k <= β (τ_i − |g_i(q)| − τ_f,i),    Σ_k |M_ik(q)| j_k <= β τ̇_i    for all i, q
 
 with the friction τ_f at the velocity limit. The rest, 1 − β, is for feedback and Coriolis torques.
+β is FRACTION, which is also the fraction of the velocity limit.
 """
 
 from dataclasses import dataclass, replace
@@ -23,14 +24,12 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.regressor import random_states
 from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 
-VELOCITY_FRACTION = 0.5
-"""Largest reference velocity as a fraction of the limit in the URDF."""
+FRACTION = 0.5
+"""Fraction of the velocity limit, of the remaining effort and of its rate, for a reference."""
 WHOLE_FRACTION = 0.88
-"""Largest velocity of a motion that the sender has planned, as a fraction of that limit."""
-EFFORT_FRACTION = 0.5
-"""β: fraction of the remaining effort, and of its rate, that acceleration and jerk may take."""
-WHOLE_EFFORT = 0.75
-"""β of a motion that the sender has planned, and of a stop at a position limit."""
+"""Fraction of the velocity limit for a motion that the sender has planned."""
+WHOLE_EFFORT = 1.0 - 0.5 * (1.0 - FRACTION)
+"""β of such a motion, and of a stop at a position limit: it leaves half as much for feedback."""
 LEAST_FRACTION = 0.1
 """
 Fraction of the effort limit that gravity must leave; poses with less are excluded.
@@ -41,13 +40,11 @@ scaled by the fraction of the remaining poses, so that a load does not increase 
 DEFAULT_VELOCITY = 1.0
 """Velocity limit [rad/s] or [m/s] of a joint without a limit in the URDF."""
 SPEED_UP_TIME = 0.2
-"""Shortest time [s] in which a joint reaches its reference velocity."""
+"""Shortest time [s] in which a joint reaches its reference velocity, or stops."""
 JERK_TIME = 0.05
 """Shortest time [s] in which a joint reaches its reference acceleration."""
 SLOWEST_FRACTION = 1e-3
 """Smallest acceleration and jerk, as fractions of the values from the two times above."""
-SHORT_STOP = 0.2
-"""[s] that a stop takes at least, if it is shorter than with limits for the whole workspace."""
 _POSES, _STOP_POSES = 40, 4
 
 
@@ -99,43 +96,47 @@ class MotionLimits:
         Return the limits with the braking that the poses of a stop from (q, v) permit, (n,) each.
 
         An arm that is weak in some poses brakes slowly with limits for the whole workspace. In a
-        stop gravity counts with its sign. A stop of less than SHORT_STOP has the same limits
+        stop gravity counts with its sign. A stop of less than SPEED_UP_TIME has the same limits
         everywhere.
         """
-        a, most = self.acceleration, np.abs(v) / SHORT_STOP
-        moves = most > a
+        fastest = np.abs(v) / SPEED_UP_TIME
+        moves = fastest > self.acceleration
         if not moves.any():
             return self
-        share, pose = EFFORT_FRACTION, q
-        of_a, of_jerk = np.full_like(a, math.inf), np.full_like(a, math.inf)
+        a = np.where(moves, fastest, 0.0)
+        jerk, pose = a / JERK_TIME, q
         for _ in range(_STOP_POSES):
-            M, g = np.abs(body.mass_matrix(pose)), body.gravity(pose)
+            mass, g = np.abs(body.mass_matrix(pose))[np.newaxis], body.gravity(pose)
             free = effort + np.where(moves, np.sign(v) * g, -np.abs(g))
-            free = np.maximum(free, LEAST_FRACTION * effort)
-            of_a = np.minimum(of_a, _shared(M, share * free, most, moves))
-            of_jerk = np.minimum(
-                of_jerk, _shared(M, share * effort_rate, most / JERK_TIME, moves))
-            best = np.maximum(of_a, a)
-            pose = q + 0.5 * v * np.abs(v) / best
-        return replace(self, brake=(best, np.maximum(of_jerk, self.jerk)))
+            a = _shared(mass, FRACTION * np.maximum(free, LEAST_FRACTION * effort), a)
+            jerk = _shared(mass, FRACTION * effort_rate, jerk)
+            pose = q + 0.5 * v * np.abs(v) / np.maximum(a, self.acceleration)
+        return replace(
+            self, brake=(np.maximum(a, self.acceleration), np.maximum(jerk, self.jerk)))
 
     @property
     def whole(self) -> 'MotionLimits':
         """The limits of a motion that the sender has planned, with less reserve for feedback."""
-        share = WHOLE_EFFORT / EFFORT_FRACTION
+        share = WHOLE_EFFORT / FRACTION
         return replace(
-            self, velocity=WHOLE_FRACTION / VELOCITY_FRACTION * self.velocity,
+            self, velocity=WHOLE_FRACTION / FRACTION * self.velocity,
             acceleration=share * self.acceleration, jerk=share * self.jerk)
 
 
-def _shared(
-    M: FloatArray, available: FloatArray, most: FloatArray, moves: BoolArray,
-) -> FloatArray:
-    """Return x (n,) with |M| x <= available, at most `most`, and 0 at joints that do not move."""
+def _shared(mass: FloatArray, available: FloatArray, most: FloatArray) -> FloatArray:
+    """
+    Return x (n,) with |M| x <= available (poses, n), and at most `most` (n,).
+
+    `mass` is |M| (poses, n, n). The elements have the same proportions as the values of each joint
+    moving alone.
+    """
+    own = np.diagonal(mass, axis1=1, axis2=2)
+    alone = np.min(available / np.maximum(own, 1e-9), axis=0, initial=math.inf)
+    x = np.minimum(alone, most)
+    needed = mass @ x
     with np.errstate(divide='ignore', invalid='ignore'):
-        x = np.where(moves, np.minimum(available / np.diagonal(M), most), 0.0)
-        scale = np.nanmin(available / (M @ x), initial=1.0)
-    return np.asarray(scale * x)
+        scale = np.min(np.where(needed > 0.0, available / needed, math.inf), initial=1.0)
+    return np.asarray(np.maximum(scale * x, SLOWEST_FRACTION * most))
 
 
 class WorkspaceInertia:
@@ -162,10 +163,6 @@ class WorkspaceInertia:
         both.gravity = np.maximum(self.gravity, other.gravity)
         return both
 
-    def largest(self) -> FloatArray:
-        """Return max over the poses of |M|, (n, n) [kg·m²] or [kg]."""
-        return np.asarray(self.mass.max(axis=0, initial=0.0))
-
     def row_sums(self) -> FloatArray:
         """Return max over the poses of Σ_k |M_ik|, (n,) [kg·m²] or [kg]."""
         return np.asarray(self.mass.sum(axis=2).max(axis=0, initial=0.0))
@@ -186,23 +183,7 @@ class WorkspaceInertia:
         if is_held.any():
             remaining[~is_held] = math.inf
             remaining *= float(is_held.mean())
-        velocity = np.where(
-            known, VELOCITY_FRACTION * limits.velocity, DEFAULT_VELOCITY)
-        acceleration = self._largest(EFFORT_FRACTION * remaining, velocity / SPEED_UP_TIME)
-        rate = np.broadcast_to(effort_rate, remaining.shape)
-        jerk = self._largest(EFFORT_FRACTION * rate, acceleration / JERK_TIME)
+        velocity = np.where(known, FRACTION * limits.velocity, DEFAULT_VELOCITY)
+        acceleration = _shared(self.mass, FRACTION * remaining, velocity / SPEED_UP_TIME)
+        jerk = _shared(self.mass, FRACTION * effort_rate, acceleration / JERK_TIME)
         return MotionLimits(limits.lower, limits.upper, velocity, acceleration, jerk)
-
-    def _largest(self, available: FloatArray, most: FloatArray) -> FloatArray:
-        """
-        Return x (n,) with |M| x <= available (poses, n), and at most `most` (n,).
-
-        The elements have the same proportions as the values of each joint moving alone.
-        """
-        own = np.diagonal(self.mass, axis1=1, axis2=2)
-        alone = np.min(available / np.maximum(own, 1e-9), axis=0, initial=math.inf)
-        x = np.minimum(alone, most)
-        needed = self.mass @ x
-        with np.errstate(divide='ignore', invalid='ignore'):
-            scale = np.min(np.where(needed > 0.0, available / needed, math.inf), initial=1.0)
-        return np.asarray(np.maximum(scale * x, SLOWEST_FRACTION * most))

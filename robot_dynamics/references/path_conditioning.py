@@ -12,8 +12,9 @@ are within `MotionLimits`. A trajectory with velocities is compared with the lim
 is followed unchanged or rejected.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple, TypeVar
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -24,38 +25,19 @@ from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.extrema import derivative, extrema
 from robot_dynamics.trajectories.interpolation import position_coefficients
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
+from robot_dynamics.trajectories.path import LINE_DISTANCE
 from robot_dynamics.trajectories.segments import TrajectorySegments
+from robot_dynamics.trajectories.slow_down import within_limits
+from robot_dynamics.trajectories.timing_limits import PathLimits
 
-PATH_TOLERANCE = 0.005
-"""Largest distance [rad] or [m] by which a path of many points without velocities misses them."""
 MANY_POINTS = 10
-"""Points from which a path without velocities may miss its points by PATH_TOLERANCE."""
-_ACCEPTED = 1.1
-"""Ratio to the shortest duration up to which the path that is nearer to its points is taken."""
-_FEWEST_CELLS = 8
-_B_SPLINE = np.array([
-    [1.0, 4.0, 1.0, 0.0],
-    [-3.0, 0.0, 3.0, 0.0],
-    [3.0, -6.0, 3.0, 0.0],
-    [-1.0, 3.0, -3.0, 1.0],
-]) / 6.0
-_SHORTEST_RAMP, _RAMP_SAMPLES, _RAMP_FRACTION = 1e-3, 9, 0.8
-_TOLERANCE = 1e-6
-_ROUNDS, _MARGIN, SLOWEST = 20, 1.02, 100.0
-"""SLOWEST: the largest factor by which a trajectory is slowed down."""
-
-
-class Excess(NamedTuple):
-    """The largest excess of a limit: ratio to the limit, quantity, joint, and time [s]."""
-
-    ratio: float
-    quantity: str
-    joint: str
-    time: float
-
-    def __str__(self) -> str:
-        return (f'the {self.quantity} of {self.joint!r} is {self.ratio:.3g} times its limit at '
-                f'{self.time:.3g} s')
+"""Points from which a path without velocities may miss its points by LINE_DISTANCE."""
+ACCEPTED = 1.1
+"""Ratio to its own duration up to which a path passes its points."""
+SLOWEST = 100.0
+"""Largest factor by which a trajectory is slowed down."""
+_ROUNDING = 1e-6
+"""Tolerance of ratios to limits."""
 
 
 def feasible_trajectory(
@@ -69,55 +51,43 @@ def feasible_trajectory(
     velocities that exceeds a limit, unless `slows_down`; and for a trajectory that exceeds a limit
     at any speed.
     """
-    if any(point.velocity is None for point in trajectory.points):
+    points, share = trajectory.points, max(effort_limit_fraction, 1e-9)
+    if any(point.velocity is None for point in points):
         return _with_velocities(trajectory, limits)
-    slowness = 1.0
-    slower, excess = trajectory, _excess(dynamics, trajectory, effort_limit_fraction)
-    while excess.ratio > 1.0 + _TOLERANCE:
-        if not slows_down:
-            raise TrajectoryError(
-                f'the trajectory is not feasible: {excess}; expected at most 1 (send a slower '
-                "trajectory, or set infeasible_trajectory to 'slow_down')")
-        slowness *= max(
-            _MARGIN, excess.ratio if excess.quantity == 'velocity' else excess.ratio**0.5)
-        if slowness > SLOWEST:
-            raise TrajectoryError(f'the trajectory is not feasible at any speed: {excess}')
-        slower = _slower(trajectory, slowness)
-        excess = _excess(dynamics, slower, effort_limit_fraction)
-    return slower, slowness
+    ratio, excess = _excess(dynamics, trajectory, share)
+    if ratio <= 1.0 + _ROUNDING:
+        return trajectory, 1.0
+    if not slows_down:
+        raise TrajectoryError(
+            f'the trajectory is not feasible: {excess}; expected at most 1 (send a slower '
+            "trajectory, or set infeasible_trajectory to 'slow_down')")
+    slow = within_limits(
+        PathLimits(dynamics, np.full(len(points[0].position), np.inf), share), trajectory)
+    begin = points[0].time_from_start
+    slowness = slow.duration / (trajectory.duration - begin)
+    if slowness > SLOWEST:
+        raise TrajectoryError(f'the trajectory is not feasible at any speed: {excess}')
+    return JointTrajectory(trajectory.joint_names, tuple(
+        replace(point, time_from_start=slowness * begin + point.time_from_start)
+        for point in slow.points)), slowness
 
 
 def _excess(
-    dynamics: ArmDynamics, trajectory: JointTrajectory, effort_limit_fraction: float,
-) -> Excess:
-    fastest = _fastest(dynamics, trajectory)
-    if fastest.ratio > 1.0 + _TOLERANCE:
-        return fastest
-    efforts = efforts_along(dynamics, trajectory)
-    of_effort = Excess(
-        efforts.worst_ratio / max(effort_limit_fraction, 1e-9), efforts.worst_limit,
-        efforts.worst_joint,
-        efforts.worst_time)
-    return max(fastest, of_effort, key=lambda excess: excess.ratio)
-
-
-def _fastest(dynamics: ArmDynamics, trajectory: JointTrajectory) -> Excess:
+    dynamics: ArmDynamics, trajectory: JointTrajectory, share: float,
+) -> tuple[float, str]:
+    """Return the ratio to a limit that is exceeded, or the largest one of efforts, and which."""
     segments, arm = TrajectorySegments(trajectory), dynamics.arm
     phases, v = extrema(segments.velocity_coefficients)
     ratios = np.abs(v) / arm.limits.velocity
     worst = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
-    _, i, j = worst
-    return Excess(float(ratios[worst]), 'velocity', arm.joint_names[j],
-                  float(segments.time(np.asarray(i), phases[worst])))
-
-
-def _slower(trajectory: JointTrajectory, factor: float) -> JointTrajectory:
-    return JointTrajectory(trajectory.joint_names, tuple(
-        TrajectoryPoint(
-            factor * p.time_from_start, p.position,
-            p.velocity / factor if p.velocity is not None else None,
-            p.acceleration / factor**2 if p.acceleration is not None else None)
-        for p in trajectory.points))
+    ratio, quantity, joint = float(ratios[worst]), 'velocity', arm.joint_names[worst[2]]
+    time = float(segments.time(np.asarray(worst[1]), phases[worst]))
+    if ratio <= 1.0 + _ROUNDING:
+        efforts = efforts_along(dynamics, trajectory)
+        ratio, quantity = efforts.worst_ratio / share, efforts.worst_limit
+        joint, time = efforts.worst_joint, efforts.worst_time
+    return ratio, (
+        f'the {quantity} of {joint!r} is {ratio:.3g} times its limit at {time:.3g} s')
 
 
 class _Path(NamedTuple):
@@ -152,10 +122,10 @@ def _with_velocities(
             v[i] = point.velocity
     path = _within(_Path(t, q, v, _monotone_accelerations(t, q, v)), limits)
     is_dense = len(points) >= MANY_POINTS and all(point.velocity is None for point in points)
-    if is_dense and path.duration > _ACCEPTED * (t[-1] - t[0]):
-        near = [_within(one, limits) for one in _near_points(t, q, limits)]
-        path = _nearest([path, *near])
-    slowness = path.duration / float(t[-1] - t[0])
+    duration = float(t[-1] - t[0])
+    if is_dense and path.duration > ACCEPTED * duration:
+        path = min((path, *_near_points(t, q, limits)), key=lambda one: one.duration)
+    slowness = path.duration / duration
     return JointTrajectory(trajectory.joint_names, tuple(
         TrajectoryPoint(float(time), *rows) for time, *rows in zip(*path))), slowness
 
@@ -212,106 +182,44 @@ def _monotone_accelerations(t: FloatArray, q: FloatArray, v: FloatArray) -> Floa
     return a
 
 
-def _near_points(t: FloatArray, q: FloatArray, limits: MotionLimits) -> list[_Path]:
-    """
-    Return a smooth path from rest to rest within PATH_TOLERANCE of its points.
-
-    Of several spacings of the control points, the smallest with an accepted duration is used. The
-    list is empty if no spacing is within the tolerance.
-    """
-    splines = []
+def _near_points(t: FloatArray, q: FloatArray, limits: MotionLimits) -> Iterator[_Path]:
+    """Yield smooth paths from rest to rest within LINE_DISTANCE of the points of a path."""
     cells = len(t) - 1
-    while cells >= _FEWEST_CELLS:
-        spline = _Spline.near(t, q, cells)
-        if np.abs(spline.sample(t - t[0])[0] - q).max() <= PATH_TOLERANCE:
-            splines.append(spline.slower(spline.excess(limits)))
+    while cells > 0:
+        for ramp in (t[-1] - t[0]) * 0.5 ** np.arange(8):
+            path = _near(t, q, limits, cells, ramp)
+            if path is not None:
+                yield path
         cells //= 2
-    return [_nearest(splines).from_rest_to_rest(float(t[0]), limits)] if splines else []
 
 
-class _Spline(NamedTuple):
+def _near(
+    t: FloatArray, q: FloatArray, limits: MotionLimits, cells: int, ramp: float,
+) -> _Path | None:
     """
-    A uniform cubic B-spline: control points (m, n), and the time `h` [s] between them.
+    Return a uniform cubic B-spline near the points of a path, None beyond LINE_DISTANCE.
 
-    It does not overshoot the polygon of its control points, and each derivative is within the
-    divided differences of the control points (C. de Boor, A Practical Guide to Splines, 2001).
+    Its control points are on the lines between the points, at times that start and end slowly
+    within `ramp` [s]. It does not overshoot the polygon of its control points, and each derivative
+    is within their divided differences (C. de Boor, A Practical Guide to Splines, 2001). It starts
+    and ends at rest, because its first and its last control point are repeated.
     """
-
-    control: FloatArray
-    h: float
-
-    @classmethod
-    def near(cls, t: FloatArray, q: FloatArray, cells: int) -> '_Spline':
-        """Return the spline from the first to the last point, with control points on the lines."""
-        grid = np.linspace(t[0], t[-1], cells + 1)
-        c = np.stack([np.interp(grid, t, column) for column in q.T], axis=1)
-        c = np.concatenate((2.0 * c[:1] - c[1:2], c, 2.0 * c[-1:] - c[-2:-1]))
-        return cls(c, float(t[-1] - t[0]) / cells)
-
-    @property
-    def duration(self) -> float:
-        """The duration [s] from the first to the last point."""
-        return (len(self.control) - 3) * self.h
-
-    def slower(self, factor: float) -> '_Spline':
-        """Return the same path with `factor` times the duration."""
-        return self._replace(h=factor * self.h)
-
-    def excess(self, limits: MotionLimits) -> float:
-        """Return the factor by which the spline has to be slower, at least 1."""
-        rates = (np.abs(np.diff(self.control, k, axis=0)) / self.h**k for k in (1, 2, 3))
-        return _factor(limits, *rates)
-
-    def sample(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return position, velocity and acceleration (k, n) at times (k,) [s] from its start."""
-        cell = np.clip((time / self.h).astype(np.intp), 0, len(self.control) - 4)
-        x = (time / self.h - cell)[:, np.newaxis]
-        around = self.control[cell[:, np.newaxis] + np.arange(4)]
-        c0, c1, c2, c3 = np.moveaxis(_B_SPLINE @ around, 1, 0)
-        return (c0 + x * (c1 + x * (c2 + x * c3)), (c1 + x * (2.0 * c2 + x * 3.0 * c3)) / self.h,
-                (2.0 * c2 + x * 6.0 * c3) / self.h**2)
-
-    def from_rest_to_rest(self, start: float, limits: MotionLimits) -> _Path:
-        """
-        Return the path whose time σ along the spline starts and ends slowly, from `start` [s].
-
-        In a ramp of duration T, σ = T (u³ − u⁴/2) with u = time / T, so that σ̇ rises from 0 to 1
-        over σ = T/2. A spline that is too short for both ramps is slowed down.
-        """
-        first, last = self._ramp_durations(limits)
-        if 0.5 * (first + last) > 0.9 * self.duration:
-            return self.slower(1.2).from_rest_to_rest(start, limits)
-        h, end = self.h, self.duration
-        knots = h * np.arange(len(self.control) - 2)
-        knots = knots[(knots > 0.5 * first + 0.25 * h) & (knots < end - 0.5 * last - 0.25 * h)]
-        t_1, sigma_1, rate_1, slope_1 = _ramp(first, h)
-        t_2, sigma_2, rate_2, slope_2 = (row[::-1] for row in _ramp(last, h))
-        # Outside the ramps σ̇ is 1, and the time is delayed by half a ramp.
-        time = np.concatenate((t_1, knots + 0.5 * first, end + 0.5 * (first + last) - t_2))
-        rate = np.concatenate((rate_1, np.ones_like(knots), rate_2))[:, np.newaxis]
-        slope = np.concatenate((slope_1, np.zeros_like(knots), -slope_2))[:, np.newaxis]
-        q, v, a = self.sample(np.concatenate((sigma_1, knots, end - sigma_2)))
-        q[[0, -1]] = self.control[[1, -2]]
-        return _Path(start + time, q, v * rate, a * rate**2 + v * slope)
-
-    def _ramp_durations(self, limits: MotionLimits) -> list[float]:
-        """Return the durations [s] of the ramps at the start and at the end."""
-        speeds = np.abs(np.diff(self.control, axis=0))[[0, -1]] / self.h
-        return [max(
-            _SHORTEST_RAMP, float(np.max(1.5 * v / (_RAMP_FRACTION * limits.acceleration))),
-            float(np.max(6.0 * v / (_RAMP_FRACTION * limits.jerk))) ** 0.5) for v in speeds]
-
-
-def _ramp(T: float, h: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return time, σ, σ̇ and σ̈ at samples of a ramp of duration T, at most `h` apart."""
-    u = np.linspace(0.0, 1.0, max(_RAMP_SAMPLES, int(np.ceil(T / h)) + 1))
-    return T * u, T * (u**3 - 0.5 * u**4), 3.0 * u**2 - 2.0 * u**3, 6.0 * (u - u**2) / T
-
-
-_Motion = TypeVar('_Motion', _Path, _Spline)
-
-
-def _nearest(motions: Sequence[_Motion]) -> _Motion:
-    """Return the first of several motions that is about as short as the shortest."""
-    shortest = min(one.duration for one in motions)
-    return next(one for one in motions if one.duration <= _ACCEPTED * shortest)
+    duration = t[-1] - t[0]
+    clock = np.linspace(0.0, duration + ramp, 1 + int(np.ceil(cells * (1.0 + ramp / duration))))
+    u, h = np.minimum(clock / ramp, 1.0), clock[1]
+    rising = ramp * (u**3 - 0.5 * u**4) + np.maximum(clock - ramp, 0.0)
+    at = t[0] + np.where(clock < 0.5 * clock[-1], rising, duration - rising[::-1])
+    # The time on the lines is one more coordinate, which says where on them the spline is.
+    lines = np.stack([np.interp(at, t, column) for column in (*q.T, t)], axis=1)
+    c = np.pad(lines, ((2, 2), (0, 0)), 'edge')
+    knots = (c[:-2] + 4.0 * c[1:-1] + c[2:]) / 6.0
+    middles = (c[:-3] + 23.0 * c[1:-2] + 23.0 * c[2:-1] + c[3:]) / 48.0
+    near = np.insert(knots, np.arange(1, len(knots)), middles, axis=0)
+    if any(np.abs(np.interp(t, near[:, -1], x) - y).max() > LINE_DISTANCE
+           for x, y in zip(near.T, q.T)):
+        return None
+    c, knots[[0, -1], :-1] = c[:, :-1], q[[0, -1]]
+    path = _Path(t[0] + h * np.arange(len(knots)), knots[:, :-1], (c[2:] - c[:-2]) / (2.0 * h),
+                 np.diff(c, 2, axis=0) / h**2)
+    return path.slower(_factor(limits, *(
+        np.abs(np.diff(c, k, axis=0)) / h**k for k in (1, 2, 3))))

@@ -13,14 +13,29 @@ rest to rest. Joints at rest move together, on a straight line; a joint stops al
 
 from bisect import bisect_right
 from collections.abc import Iterable
+from itertools import accumulate, repeat
 import math
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
-from robot_dynamics.references.jerk_profile import Bounds, duration, end, Phases, State, to_rest
-from robot_dynamics.references.joint_planner import AT_REST, JointPlanner, PlannerLimits, Target
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.references.jerk_profile import (
+    before,
+    Bounds,
+    duration,
+    end,
+    Phases,
+    State,
+    to_rest,
+)
+from robot_dynamics.references.joint_planner import JointPlanner, PlannerLimits
 from robot_dynamics.references.motion_limits import MotionLimits
 from robot_dynamics.trajectories.interpolation import Reference, Segment
+from robot_dynamics.trajectories.joint_trajectory import nanoseconds
+
+AT_REST = 1e-8
+"""[rad/s] or [m/s], and their rates per second, up to which a joint is at rest."""
+STOPS = 2.0
+"""The shortest duration of a motion in a stream, in durations of the earliest stop."""
 
 
 class Plan:
@@ -30,59 +45,33 @@ class Plan:
         self, start: Reference, phases: list[Phases], exact_end: Reference | None = None,
     ) -> None:
         """`exact_end` is the end without rounding errors, if it is known."""
-        self._start = [x.tolist() for x in start]
+        self._joints = list(zip(phases, _states(start)))
         self.phases = phases
-        ends = [end(joint, *state) for joint, state in zip(phases, zip(*self._start))]
-        self.end = exact_end or Reference(*(np.array(values) for values in zip(*ends)))
+        self.end = exact_end or Reference(*map(
+            np.array, zip(*(end(joint, *state) for joint, state in self._joints))))
         """The state at the end, of which joints with shorter motions have waited at rest."""
-        times = sorted({0.0, *(t for joint in phases for t in _times(joint))})
-        self._times = times
-        self.duration = times[-1]
+        self._times = sorted(
+            {0.0, *(t for joint in phases for t in accumulate(T for T, _ in joint))})
+        self.duration = self._times[-1]
         """[s]"""
-        self._times_ns = [round(NANOSECONDS_PER_SECOND * t) for t in times]
+        self._times_ns = [nanoseconds(t) for t in self._times]
         for values in self.end:
             values.setflags(write=False)
 
     def segment(self, since_ns: int, now_ns: int) -> Segment:
         """Return the segment that is active at `now_ns` of the plan that begins at `since_ns`."""
         i = min(bisect_right(self._times_ns, now_ns - since_ns), len(self._times) - 1)
-        i = max(i, 1)
-        t_0, t_1 = self._times[i - 1], self._times[i]
-        T = max(t_1 - t_0, 1e-9)
-        middle = 0.5 * (t_0 + t_1)
+        t_0, t_1 = self._times[i - 1:i + 1]
+        T, begin_ns = max(t_1 - t_0, 1e-9), since_ns + self._times_ns[i - 1]
         q, v, a, j = np.array([
-            _state_at(joint, t_0, middle, *state)
-            for joint, state in zip(self.phases, zip(*self._start))]).T
+            (*end(before(joint, t_0), *state), before(joint, 0.5 * (t_0 + t_1))[-1][1])
+            for joint, state in self._joints]).T
         zero = np.zeros_like(q)
         return Segment(
-            since_ns + self._times_ns[i - 1], since_ns + self._times_ns[i],
-            since_ns + self._times_ns[i - 1], T, np.hstack((
+            begin_ns, since_ns + self._times_ns[i], begin_ns, T, np.hstack((
                 (q, v * T, a * T**2 / 2.0, j * T**3 / 6.0, zero, zero),
                 (v, a * T, j * T**2 / 2.0, zero, zero, zero),
                 (a, j * T, zero, zero, zero, zero))))
-
-
-def _times(phases: Phases) -> list[float]:
-    """Return the times [s] at which phases end."""
-    times, t = [], 0.0
-    for T, _ in phases:
-        t += T
-        times.append(t)
-    return times
-
-
-def _state_at(
-    phases: Phases, t: float, inside: float, q: float, v: float, a: float,
-) -> tuple[float, float, float, float]:
-    """Return q, v, a at t [s] and the jerk at the later time `inside`, in the same phase."""
-    for T, j in phases:
-        if inside < T:
-            t = max(t, 0.0)
-            return (q + (v + (a / 2.0 + j * t / 6.0) * t) * t, v + (a + j * t / 2.0) * t,
-                    a + j * t, j)
-        q, v, a = end([(T, j)], q, v, a)
-        t, inside = t - T, inside - T
-    return q, v, a, 0.0
 
 
 def _bounds(limits: MotionLimits) -> list[Bounds]:
@@ -91,11 +80,13 @@ def _bounds(limits: MotionLimits) -> list[Bounds]:
 
 
 def _joints(start: Reference, limits: MotionLimits) -> list[JointPlanner]:
-    full, whole, lowered = (_bounds(each) for each in (
-        limits.braking, limits.braking.whole, limits.lowered))
-    each = zip(limits.lower.tolist(), limits.upper.tolist(), full, whole, lowered)
-    return [JointPlanner(state, PlannerLimits(*values, limits.scale))
-            for state, values in zip(_states(start), each)]
+    full, lowered = limits.braking, limits.lowered
+    each = zip(
+        limits.lower.tolist(), limits.upper.tolist(),
+        *map(_bounds, (full, full.whole, lowered, lowered.whole)), repeat(limits.scale))
+    return [
+        JointPlanner(state, PlannerLimits(*values))
+        for state, values in zip(_states(start), each)]
 
 
 def _states(reference: Reference) -> list[State]:
@@ -109,59 +100,49 @@ def plan_stop(start: Reference, limits: MotionLimits) -> Plan:
 
 
 def plan_to_goal(
-    start: Reference, goal: FloatArray, limits: MotionLimits, arrival: float = 0.0,
-    horizon: float = 0.0,
+    start: Reference, goal: FloatArray, limits: MotionLimits, earliest: float = 0.0,
+    is_in_stream: bool = False,
 ) -> Plan:
     """
     Return the motion to rest at `goal` (n,).
 
-    A moving joint arrives as soon as its limits permit, after `arrival` [s] or later; in a stream,
-    smoothly and after `horizon` [s] or later. The joints that start at rest arrive together on a
-    straight line, after all moving joints.
+    A moving joint arrives as soon as its limits permit, after `earliest` [s] or later, and in a
+    stream after STOPS durations of its earliest stop or later. The joints that start at rest
+    arrive together on a straight line, after all moving joints.
     """
-    joints, goals, phases = _joints(start, limits), goal.tolist(), []
-    earliest = max(arrival, horizon)
-    waiting: list[tuple[float, Bounds]] = []
-    for joint, q in zip(joints, goals):
-        if joint.is_at_rest():
-            waiting.append((abs(q - joint.q), joint.limits.lowered))
-            phases.append(Phases())
-        else:
-            phases.append(
-                joint.in_stream(q, earliest) if horizon > 0.0 else joint.to_rest(q, earliest))
-    together = _straight(waiting, max(earliest, *map(duration, phases)))
-    for j, (joint, q) in enumerate(zip(joints, goals)):
-        if joint.is_at_rest():
+    joints = list(zip(_joints(start, limits), goal.tolist()))
+    phases = [Phases() if joint.is_at_rest else joint.to_rest(
+        q, max(earliest, STOPS * joint.stop_time if is_in_stream else 0.0)) for joint, q in joints]
+    together = _straight([
+        (abs(q - joint.q), joint.limits.lowered) for joint, q in joints
+        if joint.is_at_rest and q != joint.q], max(earliest, *map(duration, phases)))
+    for j, (joint, q) in enumerate(joints):
+        if joint.is_at_rest:
             phases[j] = [(T, (q - joint.q) * jerk) for T, jerk in together]
-    return Plan(without_creep(start), phases, Reference(goal.copy(), 0.0 * goal, 0.0 * goal))
+    return Plan(start, phases, Reference(goal.copy(), 0.0 * goal, 0.0 * goal))
 
 
 def _straight(joints: list[tuple[float, Bounds]], earliest: float) -> Phases:
     """Return the motion from 0 to 1 of joints at rest, with their distances and bounds."""
-    moving = [(distance, bounds) for distance, bounds in joints if distance > 0.0]
-    if not moving:
+    if not joints:
         return []
-    v, a, jerk = (min(getattr(bounds, name) / distance for distance, bounds in moving)
+    v, a, jerk = (min(getattr(bounds, name) / distance for distance, bounds in joints)
                   for name in ('v_max', 'a_max', 'jerk'))
     return to_rest(1.0, 0.0, 0.0, Bounds(-v, v, -a, a, jerk), earliest)
 
 
 def plan_with_target(
-    start: Reference, target: Target, limits: MotionLimits, follow_time: float,
+    start: Reference, target: Reference, time: float, limits: MotionLimits, follow_time: float,
 ) -> Plan:
     """
     Return the motion that meets a moving target, follows it, and stops.
 
-    Joints follow until `follow_time` [s] after the time of the target, as far as they can stop
-    within the position limits. A joint that cannot follow moves to rest at the position of the
-    target, or shortly before a limit.
+    `target` is its state at `time` [s]; its acceleration is constant. Joints follow it until
+    `follow_time` [s] later, as far as they can stop within the position limits. A joint that
+    cannot follow moves to rest at the position of the target, or shortly before a limit.
     """
-    phases = []
-    for j, joint in enumerate(_joints(start, limits)):
-        following = joint.followed(target, j, target.time + follow_time)
-        phases.append(
-            joint.to_rest_inside(float(target.position[j])) if following is None else following)
-    return Plan(start, phases)
+    return Plan(start, [joint.followed(state, time, follow_time) for joint, state in zip(
+        _joints(start, limits), _states(target))])
 
 
 def plan_to_path(

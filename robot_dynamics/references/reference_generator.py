@@ -24,72 +24,134 @@ A change of the limits takes effect at the next plan.
 """
 
 from collections.abc import Sequence
+from math import ceil, copysign, pi
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
+from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.references import planner
-from robot_dynamics.references.follower import ActiveTrajectory, TrajectoryFollower
-from robot_dynamics.references.joint_planner import Target
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.references.motion_limits import MotionLimits
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import (
+    check_end_in_future,
     JointTrajectory,
     nanoseconds,
     TrajectoryPoint,
 )
+from robot_dynamics.validation import check_vector, LARGEST_VALUE
 
+SET_POINT_MAX_AGE_NS = NANOSECONDS_PER_SECOND
+"""
+[ns] after its time until which a set-point counts as due now.
+
+A sender that stamps with its own clock is always late by the transport delay.
+"""
 LONGEST_PERIOD = 0.5
 """Largest interval [s] between two set-points of one stream."""
 HORIZON = 0.1
 """Shortest time [s] in which the last position of a stream without velocities is reached."""
 PERIODS = 4.0
-"""The same time in periods of the stream; the reference lags by 2/3 of the longest time."""
-FIRST_PERIOD = 0.02
-"""Shortest time [s] in which the first set-point of a stream with velocities is met."""
+"""
+The same time in periods of the stream; the mean period is that of twice as many intervals.
+
+The reference lags by 2/3 of the longest time.
+"""
+FIRST_PERIOD = HORIZON / PERIODS
+"""Period [s] of a stream before its second set-point."""
 ON_PATH = 1e-6
 """Distance [rad] or [m], and [rad/s] or [m/s], up to which a reference is on a path."""
-_MEETINGS: FloatArray = np.geomspace(0.004, 20.0, 48)
-"""[s] after which a motion may meet a path."""
-_OF_LIMIT = 0.95
+OF_LIMIT = 0.95
 """Largest velocity of a moving target as a fraction of its limit; the rest is to catch up."""
-_NEW = 0.2
-"""Weight of the last interval of a stream in its mean period."""
+FIRST_MEETING = 0.01
+"""Shortest time [s] after which a motion meets a path."""
 _SAME_TIME_NS = 1_000_000
 """[ns] by which a goal has to be earlier for a new plan."""
-_APART = 3e-6
-"""[s] by which a motion to the first point ends early, which permits rounding of durations."""
 
 
-class ReferenceGenerator(TrajectoryFollower):
-    """The active trajectory, entered and left within limits."""
+class ReferenceGenerator:
+    """
+    The active trajectory, entered and left within limits.
+
+    `active` is that trajectory, None before the first one and after `clear()`.
+    """
 
     def __init__(
-        self, joint_names: Sequence[str], continuous_joints: Sequence[str],
-        limits: MotionLimits | None, stream_timeout: float = 0.1,
+        self, joint_names: Sequence[str], continuous_joints: Sequence[str] = (),
+        limits: MotionLimits | None = None, stream_timeout: float = 0.1,
     ) -> None:
         """
-        Without `limits`, trajectories are followed unchanged.
+        Take the arm's joints, in the order of all arrays.
 
-        A set-point with a velocity is followed for at most `stream_timeout` [s].
+        `continuous_joints` move to the first point along the shortest angular distance. Without
+        `limits`, trajectories are followed unchanged. A set-point with a velocity is followed for
+        at most `stream_timeout` [s].
         """
-        super().__init__(joint_names, continuous_joints)
+        self.joint_names = tuple(joint_names)
+        self._continuous = [j for j, name in enumerate(joint_names) if name in continuous_joints]
         self.limits = limits
         self.stream_timeout = stream_timeout
+        self.active: ActiveTrajectory | None = None
         self._set_point: tuple[int, TrajectoryPoint] | None = None
+        """The last set-point of the stream, and when it arrived [ns]."""
         self._period = 0.0
         """Mean interval [s] between the set-points of the stream; 0 before the second one."""
         self._arrival_ns = 0
         """The time of the last goal at rest; it arrives then or later."""
 
+    def start(
+        self, trajectory: JointTrajectory, now_ns: int, position: npt.ArrayLike,
+        velocity: npt.ArrayLike, stamp_ns: int = 0,
+    ) -> ActiveTrajectory:
+        """
+        Follow `trajectory` from now on, instead of the active one.
+
+        `stamp_ns` is the time of its time 0; 0 means now. The reference continues from the active
+        reference at `now_ns`. Without a reference, it starts from the measured `position` (n,)
+        [rad or m] and `velocity` (n,) [rad/s or m/s]. The old trajectory is discarded at once,
+        even if the new one starts later.
+
+        Raises TrajectoryError for other joints or an end in the past, and InvalidInputError for
+        an invalid measured state; the active trajectory then remains active.
+        """
+        self.check_joints(trajectory)
+        is_set_point, first = trajectory.is_set_point, trajectory.points[0]
+        check_end_in_future(
+            trajectory, stamp_ns, now_ns, SET_POINT_MAX_AGE_NS if is_set_point else 0)
+        state = self._state_at(now_ns, position, velocity)
+        state = state._replace(position=self._turned(state.position, first.position))
+        path = ActiveTrajectory(trajectory, stamp_ns or now_ns, now_ns, state)
+        before, self._set_point = self._set_point, (now_ns, first) if is_set_point else None
+        if self.limits is None:
+            self.active = path
+        elif not is_set_point:
+            self.active = _entered(path, now_ns, state, self.limits)
+        else:
+            wait = max(path.start_ns - now_ns + trajectory.times_ns[0], 0)
+            is_earlier = now_ns + wait + _SAME_TIME_NS < self._arrival_ns
+            if self.active is None or is_earlier or before is None or not (
+                    _is_same_goal(before[1], first)):
+                self._arrival_ns = now_ns + wait
+                plan = self._to_set_point(
+                    first, wait / NANOSECONDS_PER_SECOND, now_ns, state, before, self.limits)
+                self.active = ActiveTrajectory(trajectory, path.start_ns, now_ns, state, plan)
+        return self.active
+
+    def check_joints(self, trajectory: JointTrajectory) -> None:
+        """Raise TrajectoryError for joints other than those of the arm, in its order."""
+        if trajectory.joint_names != self.joint_names:
+            raise TrajectoryError(
+                f'joint_names is {list(trajectory.joint_names)}, expected '
+                f'{list(self.joint_names)}, in this order')
+
+    def sample(self, now_ns: int) -> Reference | None:
+        """Return the reference at `now_ns`, or None while there is no trajectory."""
+        return None if self.active is None else self.active.sample(now_ns)
+
     def clear(self) -> None:
         """Discard trajectory and stream; the next trajectory starts from the measured state."""
-        super().clear()
-        self._set_point = None
-
-    def shift_time(self, shift_ns: int) -> None:
-        """Lower the times of the active trajectory by `shift_ns`, as for a shifted clock."""
-        super().shift_time(shift_ns)
-        self._set_point = None
+        self.active = self._set_point = None
 
     def stop(self, now_ns: int, position: FloatArray, velocity: FloatArray) -> None:
         """
@@ -97,47 +159,33 @@ class ReferenceGenerator(TrajectoryFollower):
 
         The stop begins at the reference, or without one at the measured state, (n,) each.
         """
-        state, plan = planner.without_creep(self._state_at(now_ns, position, velocity)), None
-        end = state.position
-        if self.limits is not None:
-            plan = planner.plan_stop(state, self.limits)
-            end = plan.end.position
+        state, before = self._state_at(now_ns, position, velocity), self.active
+        plan = None if self.limits is None else planner.plan_stop(state, self.limits)
+        end = state.position if plan is None else plan.end.position
+        point = TrajectoryPoint(0.0, end, *np.zeros((2, len(end))))
         self._set_point = None
-        point, before = TrajectoryPoint(0.0, end, *np.zeros((2, len(end)))), self.active
         self.active = ActiveTrajectory(
             JointTrajectory(self.joint_names, (point,)), now_ns, now_ns, state, plan,
             before is None or before.is_from_measurement)
 
-    def _entered(
-        self, trajectory: JointTrajectory, start_ns: int, now_ns: int, state: Reference,
-    ) -> ActiveTrajectory:
-        limits = self.limits
-        if limits is None:
-            self._set_point = None
-            return super()._entered(trajectory, start_ns, now_ns, state)
-        state = planner.without_creep(state)
-        first = trajectory.points[0]
-        wait = (start_ns - now_ns) / NANOSECONDS_PER_SECOND + first.time_from_start
-        if trajectory.is_set_point:
-            before, self._set_point = self._set_point, (now_ns, first)
-            arrival_ns = now_ns + nanoseconds(max(wait, 0.0))
-            is_earlier = arrival_ns + _SAME_TIME_NS < self._arrival_ns
-            if before is not None and self.active is not None and not is_earlier and (
-                    _is_same_goal(before[1], first)):
-                return self.active
-            self._arrival_ns = arrival_ns
-            plan = self._to_set_point(first, max(wait, 0.0), now_ns, state, before, limits)
-            return ActiveTrajectory(trajectory, start_ns, now_ns, state, plan)
-        self._set_point = None
-        path = ActiveTrajectory(trajectory, start_ns, now_ns, state)
-        if wait <= 0.0 and _is_near(path.sample(now_ns), state):
-            return path
-        if wait >= 0.0 and (first.velocity is None or not first.velocity.any()):
-            plan = planner.plan_to_goal(state, first.position, limits, max(wait - _APART, 0.0))
-            start_ns += max(nanoseconds(plan.duration - wait), 0)
-        else:
-            plan = _to_path(path, wait, now_ns, state, limits)
-        return ActiveTrajectory(trajectory, start_ns, now_ns, state, plan)
+    def _state_at(
+        self, now_ns: int, position: npt.ArrayLike, velocity: npt.ArrayLike,
+    ) -> Reference:
+        reference = self.sample(now_ns)
+        if reference is not None and (np.abs(reference) <= LARGEST_VALUE).all():
+            return planner.without_creep(reference)
+        n, names = len(self.joint_names), self.joint_names
+        q = check_vector('position', position, n, names, LARGEST_VALUE)
+        v = check_vector('velocity', velocity, n, names, LARGEST_VALUE)
+        return planner.without_creep(Reference(q, v, np.zeros(n)))
+
+    def _turned(self, position: FloatArray, target: FloatArray) -> FloatArray:
+        q = position.copy()
+        for j in self._continuous:
+            turns = (target[j] - q[j]) / (2.0 * pi)
+            # At a distance of exactly half a turn, keep the sign of the difference.
+            q[j] += 2.0 * pi * copysign(max(ceil(abs(turns) - 0.5 - 1e-9), 0), turns)
+        return q
 
     def _to_set_point(
         self, point: TrajectoryPoint, wait: float, now_ns: int, state: Reference,
@@ -147,64 +195,57 @@ class ReferenceGenerator(TrajectoryFollower):
         if before is None or not 0.0 <= interval <= LONGEST_PERIOD or (
                 (before[1].velocity is None) != (point.velocity is None)):
             before, self._period = None, 0.0
-        elif not self._period or 0.0 < interval < 0.5 * self._period:
-            self._period = interval
-        elif interval > 0.0:  # A gap is no change of the rate.
-            self._period += _NEW * (min(interval, 2.0 * self._period) - self._period)
+        elif interval > 0.0:  # A gap is no change of the rate; a shorter period is one at once.
+            period = min(self._period or interval, 2.0 * interval)
+            self._period = period + (min(interval, 2.0 * period) - period) / (2.0 * PERIODS)
         if point.velocity is None:
             horizon = 0.0 if before is None else max(HORIZON, PERIODS * self._period)
-            return planner.plan_to_goal(state, point.position, limits, max(wait, horizon), horizon)
-        time = max(wait, self._period or FIRST_PERIOD)
-        last = None if before is None else before[1]
-        target = _target(point, last, max(interval, self._period), time)
+            return planner.plan_to_goal(
+                state, point.position, limits, max(wait, horizon), before is not None)
+        period, most = self._period or FIRST_PERIOD, limits.lowered.whole.velocity
+        time, v, a = max(wait, period), point.velocity, point.acceleration
+        if a is None:
+            last = None if before is None else before[1].velocity
+            a = (v - (v if last is None else last)) / max(interval, period)
+        # The velocity of the target stays within its limit while it is followed.
+        v = np.clip(v, -OF_LIMIT * most, OF_LIMIT * most)
+        most_a = np.minimum(limits.lowered.acceleration,
+                            (most - np.abs(v)) / (time + self.stream_timeout))
         return planner.plan_with_target(
-            state, self._within_limits(target, limits), limits, self.stream_timeout)
-
-    def _within_limits(self, target: Target, limits: MotionLimits) -> Target:
-        """Return the target with a velocity that stays within its limit while it is followed."""
-        most = limits.scale * limits.whole.velocity
-        v = np.clip(target.velocity, -_OF_LIMIT * most, _OF_LIMIT * most)
-        most_a = np.minimum(limits.scale**2 * limits.acceleration,
-                            (most - np.abs(v)) / (target.time + self.stream_timeout))
-        return target._replace(
-            velocity=v, acceleration=np.clip(target.acceleration, -most_a, most_a))
+            state, Reference(point.position, v, np.clip(a, -most_a, most_a)), time, limits,
+            self.stream_timeout)
 
 
-def _target(
-    point: TrajectoryPoint, before: TrajectoryPoint | None, interval: float, time: float,
-) -> Target:
-    """Return the target of a point, at `time` [s], that came `interval` [s] after `before`."""
-    v, a = point.velocity, point.acceleration
-    assert v is not None
-    if a is None:
-        a = np.zeros_like(v)
-        if before is not None and before.velocity is not None and interval > 0.0:
-            a = (v - before.velocity) / interval
-    since = np.full_like(v, time)
-    if before is not None:
-        # The target was at the point before, up to the distance that it covers in the time.
-        error = before.position + (v - 0.5 * a * time) * time - point.position
-        since[np.abs(error) <= (np.abs(v) + np.abs(a) * time) * time] = 0.0
-    return Target(point.position, v, a, time, since)
+def _entered(
+    path: ActiveTrajectory, now_ns: int, state: Reference, limits: MotionLimits,
+) -> ActiveTrajectory:
+    """Return a trajectory of several points that is entered within limits."""
+    first, start_ns = path.trajectory.points[0], path.start_ns
+    wait_ns, begin = start_ns - now_ns + path.trajectory.times_ns[0], path.sample(now_ns)
+    if wait_ns <= 0 and all(
+            (np.abs(x - y) <= ON_PATH).all() for x, y in zip(begin[:2], state[:2])):
+        return path
+    wait = wait_ns / NANOSECONDS_PER_SECOND
+    if wait_ns >= 0 and (first.velocity is None or not first.velocity.any()):
+        plan = planner.plan_to_goal(state, first.position, limits, wait)
+        start_ns += max(nanoseconds(plan.duration) - wait_ns, 0)
+    else:
+        plan = _to_path(path, wait, now_ns, state, limits)
+    return ActiveTrajectory(path.trajectory, start_ns, now_ns, state, plan)
 
 
 def _to_path(
     path: ActiveTrajectory, wait: float, now_ns: int, state: Reference, limits: MotionLimits,
 ) -> planner.Plan:
     """Return the plan that meets a path at its own times, after `wait` [s] or later."""
-    times = _MEETINGS if wait <= 0.0 else wait * np.geomspace(1.0, 100.0, 48)
-    left = (path.end_ns - now_ns) / NANOSECONDS_PER_SECOND
-    states = ((t, path.sample(now_ns + nanoseconds(t))) for t in times[times <= left].tolist())
+    left, first = (path.end_ns - now_ns) / NANOSECONDS_PER_SECOND, max(wait, FIRST_MEETING)
+    # The times to try are a quarter of an octave apart; the last one is the end of the path.
+    times = [*first * 2.0 ** np.arange(0.0, np.log2(max(left / first, 1.0)), 0.25), left]
+    states = ((t, path.sample(now_ns + nanoseconds(t))) for t in times)
     return planner.plan_to_path(state, states, limits) or planner.plan_to_goal(
-        state, path.sample(path.end_ns).position, limits, max(left, 0.0))
+        state, path.sample(path.end_ns).position, limits, left)
 
 
 def _is_same_goal(point: TrajectoryPoint, other: TrajectoryPoint) -> bool:
     return point.velocity is other.velocity is None and bool(
         (point.position == other.position).all())
-
-
-def _is_near(path: Reference, state: Reference) -> bool:
-    return bool(
-        np.abs(path.position - state.position).max(initial=0.0) <= ON_PATH
-        and np.abs(path.velocity - state.velocity).max(initial=0.0) <= ON_PATH)

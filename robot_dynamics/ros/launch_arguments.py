@@ -19,7 +19,7 @@ from robot_dynamics.ros.parameters.robot_description import (
     embedded_description,
 )
 from robot_dynamics.urdf.description_file import read_description_file
-from robot_dynamics.yaml_text import load_yaml
+from robot_dynamics.urdf.yaml_text import load_yaml
 
 ARGUMENTS = {
     'robot': (

@@ -18,7 +18,7 @@ from typing import Any, NoReturn, TYPE_CHECKING
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 
 if TYPE_CHECKING:
-    from robot_dynamics.html_page import Origin
+    from robot_dynamics.model_check.html_page import Origin
 
 DONE, FAILED, MISTAKE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
 ROBOT_HELP = ('URDF or .xacro file of the robot: a path, package://PACKAGE/PATH, or the name of a '
@@ -128,7 +128,7 @@ def origin_of(
 ) -> 'Origin':
     """Return the origin of a report; `default` describes the URDF if none was given."""
     from robot_dynamics import __version__
-    from robot_dynamics.html_page import command_line, Origin
+    from robot_dynamics.model_check.html_page import command_line, Origin
     return Origin(
         default if urdf is None else str(urdf),
         command_line(prog, sys.argv[1:] if argv is None else argv), __version__)

@@ -22,7 +22,7 @@ from robot_dynamics.trajectories.joint_trajectory import (
     nanoseconds,
     TrajectoryPoint,
 )
-from robot_dynamics.yaml_text import load_yaml
+from robot_dynamics.urdf.yaml_text import load_yaml
 
 DECIMALS = 12
 """Decimal places of every number: accelerations between points 1 ms apart are exact to 1e-5."""

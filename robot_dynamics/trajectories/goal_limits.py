@@ -20,12 +20,11 @@ from robot_dynamics.trajectories.extrema import extrema
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
 from robot_dynamics.trajectories.segments import TrajectorySegments
 
-START_TOLERANCE = 0.0087
+POSITION_TOLERANCE = 0.0087
 """
-Distance [rad] or [m] by which the first of several points may be beyond a position limit.
+Distance [rad] or [m] beyond a position limit above which a fault occurs: 0.5°, as in ros2_control.
 
-The first point is usually the present position of the arm, which may be that far beyond a limit:
-this is the default of `position_limit_tolerance`.
+The first of several points, usually the present position of the arm, may be that far beyond.
 """
 _TOLERANCE = 1e-6
 """Tolerance [rad] or [m], and of velocity limits, for rounding of limits and points."""
@@ -125,7 +124,7 @@ def _point_fields(limits: JointLimits, trajectory: JointTrajectory) -> Iterator[
     q: FloatArray = np.array([point.position for point in points])
     tolerance = np.full((len(points), 1), _TOLERANCE)
     if not trajectory.is_set_point:
-        tolerance[0] = START_TOLERANCE
+        tolerance[0] = POSITION_TOLERANCE
     yield _Field('positions', q, limits.lower, limits.upper, tolerance)
     v: FloatArray = np.array([
         np.zeros_like(point.position) if point.velocity is None else point.velocity

@@ -18,7 +18,7 @@ from typing import Any, TYPE_CHECKING
 import warnings
 
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.tools.command_line import ROBOT_HELP
+from robot_dynamics.tools import command_line
 
 if TYPE_CHECKING:
     from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
@@ -34,28 +34,39 @@ _WITHOUT_EFFECT = ('dask', 'force', 'jobs')
 """Arguments that do not change the results."""
 
 
+def run_tool(
+    parser: argparse.ArgumentParser, run: Callable[[argparse.Namespace], int],
+    argv: Sequence[str] | None,
+) -> int:
+    """Return the exit status of `run` with the parsed arguments (`command_line.run_tool`)."""
+    arguments = parser.parse_args(argv)
+    resumes = 'jobs' in arguments and arguments.output is not None
+    return command_line.run_tool(
+        parser.prog, lambda: run(arguments), interrupted='interrupted' + (
+            '; run the same command to resume' if resumes else ''))
+
+
 def print_list(title: str, lines: Sequence[str]) -> None:
     """Print a title and indented lines; nothing without lines."""
-    if not lines:
-        return
-    print(f'\n{title}')
-    for line in lines[:LONGEST_LIST]:
-        print(textwrap.fill(
-            line, _WIDTH, initial_indent='  ', subsequent_indent='    ',
-            break_long_words=False, break_on_hyphens=False))
-    if len(lines) > LONGEST_LIST:
-        print(f'  and {len(lines) - LONGEST_LIST} more')
+    if lines:
+        print(f'\n{title}')
+        for line in _shortened(lines):
+            print(textwrap.fill(
+                line, _WIDTH, initial_indent='  ', subsequent_indent='    ',
+                break_long_words=False, break_on_hyphens=False))
 
 
 def print_failures(prog: str, failed: Sequence[tuple[object, str]]) -> None:
     """Print the recordings that failed, with the reasons, to stderr."""
-    if not failed:
-        return
-    print(f'{prog}: recordings that could not be used: {len(failed)}', file=sys.stderr)
-    for name, error in failed[:LONGEST_LIST]:
-        print(f'  {name}: {" ".join(error.split())}', file=sys.stderr)
-    if len(failed) > LONGEST_LIST:
-        print(f'  and {len(failed) - LONGEST_LIST} more', file=sys.stderr)
+    if failed:
+        print(f'{prog}: recordings that could not be used: {len(failed)}', file=sys.stderr)
+        for line in _shortened([f'{name}: {" ".join(error.split())}' for name, error in failed]):
+            print(f'  {line}', file=sys.stderr)
+
+
+def _shortened(lines: Sequence[str]) -> list[str]:
+    more = [f'and {len(lines) - LONGEST_LIST} more'] if len(lines) > LONGEST_LIST else []
+    return [*lines[:LONGEST_LIST], *more]
 
 
 def prepare_directory(
@@ -81,6 +92,16 @@ def prepare_directory(
     kept.mkdir(parents=True, exist_ok=True)
     command.write_text(wanted, encoding='utf-8')
     return kept
+
+
+def number(
+    default: float | Sequence[float] | None, metavar: str | tuple[str, ...], text: str,
+    kind: Callable[[str], float] = float, **settings: Any,
+) -> dict[str, Any]:
+    """Return the settings of an option with a number; its help states a default that is one."""
+    of_default = ' (default: %(default)g)' if isinstance(default, (int, float)) else ''
+    return {'type': kind, 'default': default, 'metavar': metavar, 'help': text + of_default,
+            **settings}
 
 
 def add_recordings(
@@ -109,16 +130,25 @@ def add_robot(
     """Add the option that names the robot, by default required without a default."""
     parser.add_argument(
         option, required=default is None if required is None else required, metavar=metavar,
-        help=ROBOT_HELP
+        help=command_line.ROBOT_HELP
              + (f' (default: {default})' if default is not None else ''))
 
 
-def add_cutoff(parser: argparse.ArgumentParser) -> None:
-    """Add --cutoff."""
+def add_cutoff(
+    parser: argparse.ArgumentParser, default: str = 'chosen from the data, and printed',
+) -> None:
+    """Add --cutoff; `default` describes the value without it."""
+    parser.add_argument('--cutoff', **number(
+        None, 'HZ', f'Cut-off frequency of the low-pass filter [Hz] (default: {default})'))
+
+
+def add_node(parser: argparse._ActionsContainer) -> None:
+    """Add --node and --timeout."""
     parser.add_argument(
-        '--cutoff', type=float, metavar='HZ',
-        help='Cut-off frequency of the low-pass filter [Hz] (default: chosen from the data, and '
-             'printed)')
+        '-n', '--node', default='', metavar='NODE',
+        help='Name of the dynamics node with its namespace (default: the only one that runs)')
+    parser.add_argument('--timeout', **number(
+        5.0, 'S', 'Time to search for the node, and to wait for each answer [s]'))
 
 
 def add_parameters(parser: argparse.ArgumentParser, used: str) -> None:

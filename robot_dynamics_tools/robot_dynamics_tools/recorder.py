@@ -14,19 +14,16 @@ topic. A drain takes all waiting messages, which costs far less than one wake-up
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import math
-from pathlib import Path
 from typing import Any
 
-from ament_index_python.packages import get_package_share_directory, PackageNotFoundError
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
-from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.ros.middleware.rclpy_internals import message_inbox
 from robot_dynamics_tools.recordings.interrupts import uninterrupted
-from robot_dynamics_tools.recordings.reader import RecordingWriter, TopicQos
-from robot_dynamics_tools.recordings.topics import common_types
+from robot_dynamics_tools.recordings.topics import common_types, TopicQos
+from robot_dynamics_tools.recordings.writer import RecordingWriter
 from std_msgs.msg import String
 
 RECEIVE_DEPTH = 2000
@@ -153,22 +150,6 @@ def write_description(writer: RecordingWriter, topic: str, urdf: str, time_ns: i
     """Write a URDF to a recording as a latched message of `topic`, under this time [ns]."""
     writer.add_topic(topic, 'std_msgs/msg/String', TopicQos(transient_local=True))
     writer.write(topic, time_ns, bytes(serialize_message(String(data=urdf))))
-
-
-def interface_definitions(package: str, names: Sequence[str]) -> dict[str, str]:
-    """
-    Return the texts of a package's message types by name, for `RecordingWriter`.
-
-    Raises RecordingError if the package is not installed.
-    """
-    try:
-        directory = Path(get_package_share_directory(package), 'msg')
-        return {f'{package}/msg/{name}': (directory / f'{name}.msg').read_text(encoding='utf-8')
-                for name in names}
-    except (PackageNotFoundError, ValueError, OSError) as error:
-        raise RecordingError(
-            f'the message definitions {list(names)} of the package {package!r} cannot be read, '
-            f'expected them in its share directory: {error}') from None
 
 
 def _first_stamp_ns(data: bytes) -> int:

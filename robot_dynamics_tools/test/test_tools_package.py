@@ -4,14 +4,10 @@
 """The names that `import robot_dynamics_tools` provides, and the wheel of the package."""
 
 import ast
-from configparser import ConfigParser
 from graphlib import TopologicalSorter
 from pathlib import Path
-import shutil
-import subprocess
-import sys
-import zipfile
 
+from package_contents import executables, imports_within, names_for_type_checkers, unpacked_wheel
 import pytest
 import robot_dynamics_tools
 
@@ -29,11 +25,7 @@ def test_every_name_is_that_of_its_subpackage():
 
 
 def test_type_checkers_see_the_same_names():
-    tree = ast.parse(Path(robot_dynamics_tools.__file__).read_text(encoding='utf-8'))
-    block, = (node for node in tree.body if isinstance(node, ast.If))
-    seen = {alias.asname: node.module for node in block.body
-            if isinstance(node, ast.ImportFrom) for alias in node.names}
-    assert seen == robot_dynamics_tools._MODULES
+    assert names_for_type_checkers(robot_dynamics_tools) == robot_dynamics_tools._MODULES
 
 
 @pytest.mark.parametrize('folder', sorted(path.parent for path in PACKAGE.rglob('__init__.py')),
@@ -41,30 +33,12 @@ def test_type_checkers_see_the_same_names():
 def test_a_folder_says_what_it_is_for_and_has_no_circle_of_imports(folder):
     doc = ast.get_docstring(ast.parse((folder / '__init__.py').read_text(encoding='utf-8')))
     assert doc
-    name = '.'.join(folder.relative_to(PROJECT).parts)
-    imports = {
-        path.stem: {
-            node.module.removeprefix(f'{name}.')
-            for node in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
-            if isinstance(node, ast.ImportFrom) and str(node.module).startswith(f'{name}.')}
-        for path in folder.glob('*.py') if path.name != '__init__.py'}
-    list(TopologicalSorter(imports).static_order())  # raises CycleError
+    list(TopologicalSorter(imports_within(PROJECT, folder)).static_order())  # raises CycleError
 
 
-def test_a_wheel_puts_no_names_of_others_on_the_path(tmp_path):
-    source = tmp_path / 'source'
-    shutil.copytree(PROJECT, source, ignore=shutil.ignore_patterns(
-        '__pycache__', 'test', 'build', '*.egg-info'))
-    subprocess.run(
-        [sys.executable, 'setup.py', '-q', 'bdist_wheel', '--dist-dir', tmp_path],
-        cwd=source, check=True, capture_output=True)
-    wheel, = tmp_path.glob('*.whl')
-    zipfile.ZipFile(wheel).extractall(tmp_path / 'unpacked')
-    entries = ConfigParser()
-    entries.optionxform = str  # type: ignore[assignment,method-assign]
-    about, = (tmp_path / 'unpacked').glob('*.dist-info')
-    entries.read(about / 'entry_points.txt')
-    names = list(entries['console_scripts'])
+def test_a_wheel_has_the_licence_and_puts_no_names_of_others_on_the_path(tmp_path):
+    wheel = unpacked_wheel(PROJECT, ('robot_dynamics_tools', 'resource', 'launch'), tmp_path)
+    names = executables(wheel)
     assert len(names) == 14
     assert all(name.startswith('robot_dynamics_') for name in names)
-    assert list(about.rglob('LICENSE'))
+    assert list(wheel.rglob('LICENSE'))

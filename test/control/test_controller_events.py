@@ -93,8 +93,6 @@ def test_friction_brakes_a_stop_from_a_measured_velocity(command):
     stop = update(one, NOW + MS, Q + 1e-3 * V, V)
     assert stop.reference.velocity == pytest.approx(V)
     assert np.abs(stop.law.friction).max() < 0.1
-    one.followed.shift_time(MS)
-    assert np.abs(update(one, NOW + MS, Q + 1e-3 * V, V).law.friction).max() < 0.1
     one.stop()  # of the same motion
     assert np.abs(update(one, NOW + 2 * MS, Q + 2e-3 * V, V).law.friction).max() < 0.1
     one.follow(quintic_point_to_point(NAMES, Q, [1.6, 1.3], 2.0), 0)

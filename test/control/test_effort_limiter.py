@@ -12,7 +12,7 @@ import pytest
 from robot_dynamics.control.safety.effort_limiter import EffortLimiter, EffortLimits
 
 N = 2
-LOWER, UPPER, SPEED, MARGIN, RATE = -1.0, 1.5, 2.0, 0.1, 1000.0
+LOWER, UPPER, SPEED, MARGIN, RATE = -1.0, 1.5, 2.0, 0.01, 1000.0
 
 LONGEST_STEP = 0.05
 """[s] for which an effort may change at the rate limit since the last one."""
@@ -24,7 +24,7 @@ def guard(
     lower: float = LOWER, upper: float = UPPER, velocity: float = SPEED, rate: float = RATE,
 ) -> EffortLimiter:
     return EffortLimiter(EffortLimits(
-        np.full(N, lower), np.full(N, upper), np.full(N, velocity), MARGIN, rate))
+        np.full(N, lower), np.full(N, upper), np.full(N, velocity), rate))
 
 
 def vectors(size: float) -> st.SearchStrategy[np.ndarray]:

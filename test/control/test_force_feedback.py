@@ -12,7 +12,7 @@ DT = 0.002
 
 def feedback() -> ForceFeedback:
     """Return the feedback of one joint with a gain of 0.5 and at most 10 N·m."""
-    return ForceFeedback(np.array([0.5]), np.array([10.0]))
+    return ForceFeedback(np.array([0.5]), np.array([40.0]))
 
 
 def force(

@@ -8,22 +8,24 @@ from pathlib import Path
 
 from controller_bench import update
 import numpy as np
-from page_law import page_law, PAGE_MODULE
+from page_law import install_page_law, page_law
 import pytest
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.laws.cartesian import make_cartesian
 from robot_dynamics.control.laws.control_law import (
     ControlLaw,
-    further_laws,
     GravityCompensation,
     LawInput,
     LawOutput,
 )
-from robot_dynamics.control.laws.error_feedback import ErrorFeedback, make_gains
-from robot_dynamics.control.laws.guiding import make_guiding
-from robot_dynamics.control.laws.impedance import make_impedance
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
+from robot_dynamics.control.laws.law_table import (
+    all_laws,
+    command_modes,
+    declared,
+    further_laws,
+    LAWS,
+)
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.control.scaled_laws import command_modes, LAWS
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.joints.effort_convention import make_effort_convention
 from robot_dynamics.joints.friction import make_friction
@@ -38,8 +40,8 @@ START = 1_790_000_000_000 * MS
 STATES = 40
 
 
-IMPEDANCE = page_law()['impedance']
-ALL = {**LAWS, 'impedance': IMPEDANCE}
+SPRING = page_law()
+ALL = {**LAWS, 'spring': SPRING}
 UR5 = load_arm(robot_urdf('ur5'))
 N, Q = 6, np.full(6, 0.4)
 FOLLOWS = {name: name not in ('gravity_compensation', 'hand_guiding') for name in ALL}
@@ -47,7 +49,7 @@ FOLLOWS = {name: name not in ('gravity_compensation', 'hand_guiding') for name i
 
 @pytest.fixture(autouse=True)
 def _with_the_law_of_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(LAWS, 'impedance', IMPEDANCE)
+    monkeypatch.setitem(LAWS, 'spring', SPRING)
 
 
 @pytest.fixture(scope='module', params=['ur5', 'panda'])
@@ -60,11 +62,9 @@ def arm(request: pytest.FixtureRequest) -> ArmModel:
 
 
 def make(arm: ArmModel, name: str, **options: object) -> Controller:
-    gains = make_gains(arm.joint_names, kp=[300.0], kd=[25.0])
-    impedance = make_impedance(arm.joint_names, arm.limits.effort)
+    gains = Gains(np.full(arm.joint_count, 300.0), np.full(arm.joint_count, 25.0))
     return Controller(arm, ControllerOptions(
-        gains, command=name, impedance=impedance, guiding=make_guiding(arm),
-        cartesian=make_cartesian(arm), **options))  # type: ignore[arg-type]
+        gains, command=name, **options))  # type: ignore[arg-type]
 
 
 def hold(q: np.ndarray) -> JointTrajectory:
@@ -117,8 +117,8 @@ class Lifting(ControlLaw):
 
 
 def test_a_law_that_does_not_follow_acts_until_a_stop(monkeypatch):
-    """Computed torque follows the stop."""
-    monkeypatch.setitem(LAWS, 'lifting', Lifting)
+    """Computed torque follows the stop; a function makes the law."""
+    monkeypatch.setitem(LAWS, 'lifting', lambda feedback, options: Lifting())
     one, q = make(UR5, 'lifting'), Q
     output = update(one, START, q, np.full(N, 0.1))
     assert output.command == pytest.approx(output.gravity_compensation + 1.0)
@@ -145,12 +145,10 @@ def test_the_input_of_a_law_has_the_errors():
     one.follow(hold(q), 0)
     update(one, START + MS, q + 0.05, v)
     update(one, START + 2 * MS, q + 0.15, v)
-    near, far = seen
+    near, _ = seen
     assert near.position_error == pytest.approx(np.full(N, -0.05))
     assert near.velocity_error == pytest.approx(-v)
     assert near.gravity.tolist() == ArmDynamics(UR5).rigid_body.gravity(q + 0.05).tolist()
-    assert not near.exceeds_limit
-    assert far.exceeds_limit
     with pytest.raises(ValueError, match='a reference'):
         _ = near._replace(trajectory=None).position_error
 
@@ -158,17 +156,10 @@ def test_the_input_of_a_law_has_the_errors():
 @pytest.fixture
 def _user_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Install a package with the law of the page, and two entry points that cannot be loaded."""
-    (tmp_path / 'user_package').mkdir()
-    (tmp_path / 'user_package' / 'impedance.py').write_text(PAGE_MODULE)
-    (tmp_path / 'user_package' / 'broken.py').write_text('raise RuntimeError("no gripper")')
-    information = tmp_path / 'user_package-1.0.dist-info'
-    information.mkdir()
-    (information / 'METADATA').write_text('Name: user_package\nVersion: 1.0\n')
-    (information / 'entry_points.txt').write_text(
-        '[robot_dynamics.control_laws]\n'
-        'own_impedance = user_package.impedance:impedance\n'
+    install_page_law(tmp_path, (
         'broken = user_package.broken:law\nabsent = user_package.absent:law\n'
-        'computed_torque = user_package.impedance:impedance\n')
+        'computed_torque = user_package.spring:Spring\n'))
+    (tmp_path / 'user_package' / 'broken.py').write_text('raise RuntimeError("no gripper")')
     monkeypatch.syspath_prepend(tmp_path)
     further_laws.cache_clear()
     yield
@@ -177,13 +168,16 @@ def _user_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[N
 
 @pytest.mark.usefixtures('_user_package')
 def test_a_law_of_another_package_is_a_command():
-    assert command_modes()[-4:] == ('absent', 'broken', 'own_impedance', 'none')
-    one, q = make(UR5, 'own_impedance'), Q
+    assert command_modes()[-4:] == ('absent', 'broken', 'own_spring', 'none')
+    one, q = make(UR5, 'own_spring'), Q
     assert one.laws.follows
     update(one, START, q, 0.0 * q)
     one.follow(hold(q + 0.02), 0)
     gravity = ArmDynamics(UR5).rigid_body.gravity(q)
-    assert update(one, START + MS, q, 0.0 * q).command == pytest.approx(gravity + 300.0 * 0.02)
+    assert update(one, START + MS, q, 0.0 * q).command == pytest.approx(gravity + 200.0 * 0.02)
+    names = [parameter.name for parameter in declared('PARAMETERS')]
+    assert names.count('spring.stiffness') == names.count('impedance.stiffness') == 1
+    assert 'broken' not in all_laws()
 
 
 @pytest.mark.usefixtures('_user_package')

@@ -99,7 +99,7 @@ def next_loop(before: ControlLoop, arm: ArmModel) -> ControlLoop:
             arm.joint_names == before.controller.arm.joint_names) else ControllerOptions(
                 ControlLoop.of_arm(arm).controller.options.gains)),
         EffortLimits(
-            limits.lower, limits.upper, limits.velocity, 0.01,
+            limits.lower, limits.upper, limits.velocity,
             old.limiter.limits.rate if arm.joint_names == before.controller.arm.joint_names
             else 1000.0),
         old.options, before=before)

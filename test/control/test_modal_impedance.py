@@ -7,16 +7,11 @@ from lock_step_loop import directions, LockStep, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.loop import ControlLoop, LoopAnswer
-from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.control.loop import LoopAnswer
 
-OPTIONS = {'joint_impedance': 'impedance', 'cartesian_impedance': 'cartesian'}
-"""By command."""
 LARGEST_ERROR = {'joint_impedance': (3e-3, 1e-4), 'cartesian_impedance': (5e-3, 1e-3)}
 """[rad] along a motion, and at its end."""
-commands = pytest.mark.parametrize('command', OPTIONS)
+commands = pytest.mark.parametrize('command', LARGEST_ERROR)
 
 
 @commands
@@ -58,11 +53,3 @@ def test_slow_states_follow_a_stream_of_set_points(name, largest, delay):
         one.run(0.02)
     assert start + 0.1 * directions(len(start)) == pytest.approx(one.q, abs=1e-3)
     assert np.abs(errors).max() < largest
-
-
-@commands
-def test_the_law_requires_its_options(command):
-    arm = smooth_arm('default')
-    gains = ControlLoop.of_arm(arm).controller.options.gains
-    with pytest.raises(InvalidInputError, match=f'{OPTIONS[command]} is not given'):
-        Controller(arm, ControllerOptions(gains, command=command))

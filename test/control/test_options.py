@@ -31,7 +31,6 @@ def test_an_effort_may_reach_its_limit_in_a_tenth_of_a_second():
     """A joint without a limit has 1000 N·m/s."""
     limits = default_limits(smooth_arm('default'))
     assert limits.joint_rates.tolist() == [1500.0, 600.0]
-    assert limits.margin == 0.01
     unlimited = load_arm(re.sub(
         '<limit[^>]*/>', '', planar_arm_urdf([1.0], [1.0], [0.5], [0.1])))
     assert default_limits(unlimited).joint_rates.tolist() == [1000.0]

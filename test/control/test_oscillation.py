@@ -9,6 +9,7 @@ from lock_step_loop import directions, LockStep, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.gains.gain_scaling import StableGains
 from robot_dynamics.control.gains.oscillation import Oscillation
 
 RATES = st.sampled_from([125, 250, 1000])
@@ -16,9 +17,16 @@ SIZES = st.floats(0.05, 3.0)
 FEW = settings(max_examples=20)
 
 
+def oscillation(sigma: float = 0.0) -> Oscillation:
+    """Return the oscillations of a joint whose velocity has this noise [rad/s]."""
+    gains = StableGains(1)
+    gains.noise = np.array([sigma])
+    return Oscillation(['joint'], gains)
+
+
 def factors(signal: FloatArray, rate: int, sigma: float = 0.0) -> FloatArray:
     """Return the factor (m,) after each sample of the velocity error of a joint."""
-    one, found = Oscillation(['joint'], lambda: np.array([sigma])), []
+    one, found = oscillation(sigma), []
     for k in range(len(signal)):
         one.take(100.0 + k / rate, np.zeros(1), signal[k:k + 1])
         found.append(one.factor)
@@ -46,7 +54,7 @@ def test_the_factor_has_a_lower_bound():
 
 
 def test_the_full_gains_are_tried_again_after_one_second_and_then_ever_more_rarely():
-    one, lowered = Oscillation(['joint'], lambda: np.zeros(1)), []
+    one, lowered = oscillation(), []
     for k in range(60 * 500):
         before = one.factor
         x = np.array([np.sin(0.06 * np.pi * k)]) * (before == 1.0)  # it oscillates at full gains
@@ -58,7 +66,7 @@ def test_the_full_gains_are_tried_again_after_one_second_and_then_ever_more_rare
 
 
 def test_a_joint_that_yields_gets_the_full_gains_at_once():
-    one, moved = Oscillation(['joint'], lambda: np.zeros(1)), 0.0
+    one, moved = oscillation(), 0.0
     for k in range(20 * 500):
         t = 0.002 * k
         moved = 0.03 if t > 10.0 else 0.0

@@ -4,8 +4,8 @@
 """
 Every registered control law is stable in closed loop, without friction and with a delay.
 
-The laws are those of this package, those of the entry points that are installed, and the joint
-impedance of docs/control_laws.md with several stiffnesses. All run with the default parameters of
+The laws are those of this package, those of the entry points that are installed, and the spring of
+docs/control_laws.md. All run with the default parameters of
 `dynamics`, except that references are not conditioned: a set-point is then a disturbance.
 """
 
@@ -16,13 +16,10 @@ from lock_step_loop import LockStep, smooth_arm, Trace
 import numpy as np
 from page_law import page_law
 import pytest
-from robot_dynamics.control.laws.control_law import ControlLaw, further_laws, LawFactory, load_law
-from robot_dynamics.control.scaled_laws import LAWS
+from robot_dynamics.control.laws.law_table import all_laws, LawFactory, LAWS
 from robot_dynamics.model.arm import ArmModel
 
-PAGE = page_law()
-REGISTERED: Mapping[str, LawFactory] = {
-    **LAWS, **{name: load_law(name) for name in further_laws()}, 'impedance': PAGE['impedance']}
+REGISTERED: Mapping[str, LawFactory] = {**all_laws(), 'spring': page_law()}
 AT_REST = 1e-3
 """[rad/s]"""
 DISTURBANCE = 0.02
@@ -51,12 +48,11 @@ def disturbed(one: LockStep, size: float, seconds: float) -> Trace:
 
 
 def run(
-    arm_name: str, rate: float, size: float, seconds: float, law: ControlLaw | None = None,
-    **options: object,
+    arm_name: str, rate: float, size: float, seconds: float, **options: object,
 ) -> Trace:
     """Return the motion with a delay of one period and more, in ms."""
     one = LockStep(
-        arm_named(arm_name), law, rate=rate, delay=round(1e3 / rate),
+        arm_named(arm_name), rate=rate, delay=round(1e3 / rate),
         conditions_references=False, **options)
     trace = disturbed(one, size, seconds)
     assert one.loop.supervisor.fault is None
@@ -66,21 +62,19 @@ def run(
 @grid
 @pytest.mark.parametrize('name', REGISTERED)
 def test_a_registered_law_comes_to_rest(arm_name, rate, name, monkeypatch):
-    """
-    The default gains are the stiffness and the damping of the impedance.
-
-    They are far too high for the wrists, which creep to their reference after a disturbance.
-    """
+    """The spring is far too stiff for the wrists, which creep to their reference."""
     size = DISTURBANCE if name in LAWS else 1e-3
     monkeypatch.setitem(LAWS, name, REGISTERED[name])
     assert run(arm_name, rate, size, 3.0, command=name).last(0.5).speed.max() < AT_REST
 
 
 @pytest.mark.parametrize('scales', [True, False])
-def test_the_scale_of_the_gains_makes_the_difference(scales):
-    """Without it the impedance shakes a UR5 that starts at rest."""
-    law = PAGE['Impedance'](np.full(6, 400.0), np.full(6, 40.0))
-    one = LockStep(arm_named('ur5'), law, rate=100.0, delay=10, scales_gains=scales)
+def test_the_scale_of_the_gains_makes_the_difference(scales, monkeypatch):
+    """Without it the spring shakes a UR5 that starts at rest."""
+    monkeypatch.setitem(LAWS, 'spring', page_law())
+    one = LockStep(
+        arm_named('ur5'), rate=100.0, delay=10, scales_gains=scales, command='spring',
+        parameters={'spring.stiffness': 400.0, 'spring.damping': 40.0})
     one.v = np.full(6, 1e-4)
     speed = one.run(3.0).speed.max()
     assert (speed < AT_REST) if scales else (speed > 1.0)

@@ -33,7 +33,6 @@ REFERENCE = JointTrajectory(
 DESCRIPTION = String(data='<robot name="none"><link name="base"/></robot>')
 EFFORT = JointState(name=NAMES, effort=G)
 WRENCH = wrench('tool0')
-Seen = Callable[[str], Any]
 DAMAGE = (
     'truncated to every length, with wrong element counts up to 4 billion, with random bytes, or '
     'only random bytes')

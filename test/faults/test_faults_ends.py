@@ -108,11 +108,15 @@ def test_during_long_service_calls(client, seen):
         client.node.destroy_client(service)
 
 
+def deactivate(bench: FaultBench) -> None:
+    assert bench.change(Transition.TRANSITION_DEACTIVATE)
+
+
 ENDINGS: dict[str, Callable[[FaultBench], object]] = {
     'SIGINT': lambda bench: signal_node(bench.node, signal.SIGINT),
     'SIGTERM': lambda bench: signal_node(bench.node, signal.SIGTERM),
     'SIGHUP': lambda bench: signal_node(bench.node, signal.SIGHUP),
-    'deactivation': lambda bench: print(bench.change(Transition.TRANSITION_DEACTIVATE)),
+    'deactivation': deactivate,
     '`command: none`': lambda bench: bench.set_parameters(command='none')}
 """Each begins the end of the command; a signal returns its time."""
 
@@ -222,14 +226,3 @@ def test_an_interrupt_while_it_starts():
         wait_for_own_code(one)
         threading.Event().wait(fraction * duration)  # the stimulus is this time
         assert status_after(one, signal.SIGINT) == 0
-
-
-@fault(GROUP, 'SIGTERM as soon as the process of the executable `dynamics_node` exists, and '
-       'within its first 0.3 s',
-       'the signal ends the process before its code runs; later it exits with status 0; no '
-       'traceback')
-def test_a_sigterm_as_soon_as_it_exists():
-    for moment in (0.0, 0.05, 0.1, 0.3):
-        one = started()
-        threading.Event().wait(moment)  # the stimulus is this time
-        assert status_after(one, signal.SIGTERM) in (0, -signal.SIGTERM)

@@ -42,7 +42,7 @@ def bench(client: RosClient) -> Iterator[LifecycleBench]:
 
 @pytest.fixture
 def latched(client: RosClient) -> Iterator[LifecycleBench]:
-    """Return such a node for tests that latch a fault."""
+    """Return such a node for a test that latches a fault."""
     with lifecycle_bench(client, '/faults_latched', PARAMETERS) as one:
         yield one
 
@@ -138,50 +138,30 @@ def test_no_model_while_unconfigured(client, bench):
 
 
 @fault(GROUP, 'a latched fault, then deactivation, activation, cleanup and configuration; '
-       '`~/reset_fault` while the node is inactive',
+       '`~/reset_fault` while the node is unconfigured',
        'the fault persists, and no command is published after activation; after the reset '
        'commands resume at the next activation, not earlier')
 def test_a_latched_fault_survives_transitions(latched):
-    latch(latched)
+    latched.check_alive()
+    follow(latched, Q)
+    run_away(latched)
+    latched.driver.go_on()
+    latched.efforts.clear()  # the answer to valid states is g(q), but for the released joint
+    wait_effort(latched, [0.0, G[1]])
     for transitions in ([DEACTIVATE, ACTIVATE], [DEACTIVATE, CLEANUP, CONFIGURE, ACTIVATE]):
         for transition in transitions:
             assert latched.change(transition)
         assert 'waits for ~/reset_fault' in latched.wait_fault('wrong_drive').message
         latched.check_silent()
     assert latched.change(DEACTIVATE)
-    check_reset(latched)
-    latched.check_silent()
-    assert latched.change(ACTIVATE)
-
-
-@fault(GROUP, '`~/reset_fault` after a latched fault while the node is unconfigured',
-       '`success` true; commands resume at the next activation, not earlier')
-def test_a_reset_while_unconfigured(latched):
-    latch(latched)
-    assert latched.change(DEACTIVATE)
     assert latched.change(CLEANUP)
-    check_reset(latched)
+    response = latched.ask('reset_fault', Trigger)
+    assert response.success
+    assert response.message.startswith('reset wrong_drive')
+    assert not latched.ask('reset_fault', Trigger).success
     assert latched.change(CONFIGURE)
     latched.check_silent()
     assert latched.change(ACTIVATE)
-
-
-def check_reset(bench: LifecycleBench) -> None:
-    """Check that `~/reset_fault` resets the latched fault, once."""
-    response = bench.ask('reset_fault', Trigger)
-    assert response.success
-    assert response.message.startswith('reset wrong_drive')
-    assert not bench.ask('reset_fault', Trigger).success
-
-
-def latch(bench: LifecycleBench) -> None:
-    """Cause a latched fault."""
-    bench.check_alive()
-    follow(bench, Q)
-    run_away(bench)
-    bench.driver.go_on()
-    bench.efforts.clear()  # the answer to valid states is g(q), but for the released joint
-    wait_effort(bench, [0.0, G[1]])
 
 
 # --- configuration that fails, and shutdown ------------------------------------------------------
@@ -197,7 +177,7 @@ def other(client: RosClient, file: Path) -> Iterator[LifecycleBench]:
     """Return a node that is not configured, with a file and gains that a test corrects."""
     with lifecycle_bench(client, '/faults_corrected', {
             **PARAMETERS, 'autostart': False, 'robot_description_file': str(file),
-            'joints': NAMES, 'gains.kp': [1.0] * 3}) as one:
+            'joints': NAMES, 'gains.natural_frequency': [1.0] * 3}) as one:
         yield one
 
 
@@ -218,9 +198,10 @@ def test_what_fails_and_is_corrected(client, file, other):
     check_no_model(other)
     file.write_text(ARM, encoding='utf-8')
     assert not other.change(CONFIGURE)
-    other.node.wait_for_log(r'Not configured: gains\.kp has 3 values, expected 2')
+    other.node.wait_for_log(r'Not configured: gains\.natural_frequency has 3 values, expected 2')
     assert other.state() == 'unconfigured'
-    client.set_parameters('/faults_corrected/dynamics', {'gains.kp': [100.0, 100.0]})
+    client.set_parameters(
+        '/faults_corrected/dynamics', {'gains.natural_frequency': [10.0, 10.0]})
     assert other.change(CONFIGURE)
     other.check_answers()
     other.check_silent()

@@ -68,7 +68,7 @@ def wait_model(bench: LifecycleBench, name: str, new_one_waits: bool = False) ->
 
 KINDS = ('text that is not XML', 'a loop', 'joints that move no mass',
          'XML that expands to gigabytes (nested entities)', 'a million tags')
-"""Each is rejected elsewhere; test_start_errors.py has all."""
+"""Each is rejected elsewhere."""
 
 
 @fault_cases('bad', GROUP, '{}', KEPT, ((kind, BAD_DESCRIPTIONS[kind]) for kind in KINDS))

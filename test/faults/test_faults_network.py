@@ -1,16 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Network faults: incompatible quality of service, and a link failure."""
+"""Network faults: incompatible quality of service."""
 
-import json
-import subprocess
-import sys
-
-import children
 from fault_bench import Driver
 from fault_table import fault, fault_cases
-import partition_scenario
 import pytest
 from rclpy.duration import Duration, Infinite
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
@@ -86,21 +80,3 @@ def test_any_publisher_of_states(bench):
     finally:
         other.close()
     wait_until(lambda: bench.client.node.count_publishers(topic) == 1, 'the end of the other')
-
-
-# --- partition -----------------------------------------------------------------------------------
-
-@fault(GROUP, 'link failure between driver and node in two network namespaces: until commands '
-       'have ended, and until each participant has removed the other',
-       'the fault action starts after `state_timeout` and is reported; commands resume')
-def test_a_partition(seen):
-    command, reason = partition_scenario.own_network()
-    if reason:
-        pytest.skip(reason)
-    done = children.run(
-        [*command, sys.executable, partition_scenario.__file__], text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300.0)
-    assert done.returncode == 0, done.stdout
-    for times in json.loads(done.stdout.splitlines()[-1]):
-        seen(f'fault reported {times["reported"]:.2f} s after the link failed; link restored '
-             f'after {times["broken"]:.1f} s; commands resumed {times["back"]:.2f} s later')

@@ -130,7 +130,7 @@ GOOD = Parameter('effort_limit_fraction', Type.DOUBLE, 0.5).to_parameter_msg()
        'set; control continues')
 def test_all_or_none(control, before):
     unknown = ParameterMsg(name='hold_time', value=ParameterValue(type=77))
-    bad = Parameter('gains.kp', Type.DOUBLE_ARRAY, [NAN]).to_parameter_msg()
+    bad = Parameter('gains.damping_ratio', Type.DOUBLE_ARRAY, [NAN]).to_parameter_msg()
     with control.checked():
         results = control.ask(
             'set_parameters', SetParameters, parameters=[GOOD, unknown, GOOD]).results
@@ -143,7 +143,7 @@ def test_all_or_none(control, before):
         assert not result.successful
         assert "parameter 'hold_time' has the type 77, expected one of [0, 1, 2" in result.reason
     assert not of_value.successful
-    assert 'gains.kp[0] is nan' in of_value.reason
+    assert 'gains.damping_ratio[0] is nan' in of_value.reason
     check_unchanged(control, before)
 
 

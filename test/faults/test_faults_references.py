@@ -29,10 +29,10 @@ M = np.array([[6.95846097, 1.56923048], [1.56923048, 0.53]])
 LIMITED = default_arm_urdf().replace('continuous', 'revolute').replace(
     '<limit ', '<limit lower="-2.0" upper="2.5" ')
 """The default arm with position limits."""
-TORQUE = M @ (20.0**2 * np.subtract(GOAL, Q)) + G
-"""Computed torque of the default gains for `GOAL`, at rest at `Q` [N·m]."""
-# Without `scale_gains` the torque does not depend on the rate of states, and so on the load.
-BENCH = {'parameters': {**NO_STREAM, 'scale_gains': False, 'robot_description': LIMITED}}
+TORQUE = M @ (5.0**2 * np.subtract(GOAL, Q)) + G
+"""Computed torque for `GOAL`, at rest at `Q` [N·m], with gains that late states do not lower."""
+BENCH = {'parameters': {
+    **NO_STREAM, 'gains.natural_frequency': [5.0], 'robot_description': LIMITED}}
 
 
 def point(q: Any = Q, seconds: float = 0.0, **more: Any) -> JointTrajectoryPoint:

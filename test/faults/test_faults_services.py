@@ -12,7 +12,7 @@ from action_clients import Client, seconds
 from action_msgs.msg import GoalStatus
 from control_msgs.action import FollowJointTrajectory
 from damaged_bytes import HEAD, noise, with_noise
-from fault_bench import G, NAMES, Q, V
+from fault_bench import NAMES, Q, V
 from fault_table import fault, fault_cases
 from large_requests import LargeRequests, POINTS, SAMPLES
 from lifecycle_msgs.srv import ChangeState
@@ -23,11 +23,10 @@ from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomic
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from request_bench import ControlContinues
-from robot_dynamics_interfaces.srv import InverseDynamics, InverseDynamicsBatch
-from ros_harness import NO_SHARED_MEMORY, RosClient, TIMEOUT, wait_until
+from robot_dynamics_interfaces.srv import InverseDynamics
+from ros_harness import NO_SHARED_MEMORY, TIMEOUT, wait_until
 from service_requests import REFUSALS, SERVICES
 from simulated_arms import default_dynamics
-from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GROUP = 'Service requests'
@@ -69,19 +68,14 @@ def test_malformed_requests(control):
 
 # --- huge ----------------------------------------------------------------------------------------
 
-@fault_cases(('case', 'message', 'is_accepted'), GROUP, '{}',
-             'correct answer, or rejected with a short message; control continues', (
-    (f'a batch of {SAMPLES:,} samples', 'batch', '', True),
-    (f'a trajectory of {POINTS:,} points', 'points', "effort of 'joint1' is .* its limit", True),
-    ('200,000 joint names', 'names',
-     r"^joint_names has 'joint3', expected \['joint1', 'joint2'\]$", False),
-    ('a link name of 10 million characters', 'link_name',
-     r"^payload\.header\.frame_id is 'xxx.* … .*x', expected one of the links", False)))
-def test_large_requests(control, large, case, message, is_accepted, seen):
+@fault_cases(('case', 'message'), GROUP, '{}', 'correct answer; control continues', (
+    (f'a batch of {SAMPLES:,} samples', 'batch', ''),
+    (f'a trajectory of {POINTS:,} points', 'points', "effort of 'joint1' is .* its limit")))
+def test_large_requests(control, large, case, message, seen):
     with control.checked():
         answer = large.call(case)
+    assert answer.success
     assert answer.is_right
-    assert answer.success == is_accepted
     assert re.search(message, answer.message), answer.message[:200]
     assert len(answer.message) < 5000
     seen(f'answered in {answer.seconds:.2g} s; longest gap between commands '
@@ -121,18 +115,6 @@ def test_a_client_that_dies_mid_call(control):
         doomed.send('points')
         doomed.kill()
         control.bench.check_answers()
-
-
-@fault(GROUP, 'a client of another service type with the name of a service',
-       'no answer; control continues')
-def test_a_client_of_another_type(control):
-    name = control.bench.name('inverse_dynamics_batch')
-    with RosClient('stranger') as stranger, control.checked():
-        service = stranger.node.create_client(SetBool, name)
-        future = service.call_async(SetBool.Request(data=True))
-        response = control.ask('inverse_dynamics_batch', InverseDynamicsBatch, position=Q)
-        assert response.effort == pytest.approx(G, abs=5e-9)
-        assert not future.done()
 
 
 # --- raw bytes -----------------------------------------------------------------------------------

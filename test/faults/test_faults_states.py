@@ -91,21 +91,6 @@ def test_an_anomalous_state(bench, fields):
     assert bench.status('command').level != DiagnosticStatus.ERROR
 
 
-@fault(GROUP, 'the `frame_id` is `lock_step`, with the stamps of a robot; then silence',
-       'fault after `state_timeout`: no content of a message makes the timeout longer')
-def test_a_frame_id_does_not_change_the_timeout(bench):
-    bench.efforts.clear()
-
-    def marked(message: JointState) -> JointState:
-        message.header.frame_id = 'lock_step'
-        return message
-
-    bench.driver.change = marked
-    bench.check_hold(50)
-    bench.driver.be_quiet()
-    assert 'for 0.3 s (state_timeout)' in bench.wait_state_timeout().message
-
-
 def many_joints(count: int) -> Change:
     """Return a change that adds other joints, up to `count` in total."""
     others = [f'other{i}' for i in range(count - 2)]

@@ -54,33 +54,32 @@ class RunningNodes:
     def __enter__(self) -> 'RunningNodes':
         rclpy.init(args=['--ros-args', *ARGUMENTS])
         self.dynamics = DynamicsNode(parameter_overrides=[
-            Parameter('state_thread', value=False),  # the tests call the callback
             Parameter('state_timeout', value=60.0)])  # no fault on a slow machine
         self.simulated_arm = SimulatedArmNode()
         callback_of(self.dynamics, 'robot_description')(
             serialize_message(String(data=default_arm_urdf())))
         assert self.simulated_arm.get_parameter('lock_step').value
         assert self.simulated_arm.get_namespace() == '/apart'
-        self._servers: dict[str, tuple[Node, DynamicsServices]] = {}
+        self._servers = dict[str, Node]()
+        self._controllers = dict[str, Controller]()
         for arm in (*ARMS, CROWD):
-            self._services_of(arm.name).set_controller(
-                Controller(arm, options_from(DEFAULTS, arm)))
+            self._serve(arm.name, Controller(arm, options_from(DEFAULTS, arm)))
         return self
 
     def __exit__(self, *_: object) -> None:
         # One of the tried values may cause a ramp of a minute at the end.
         self.dynamics.set_parameters([
             Parameter('ramp_time', value=0.0), Parameter('effort_rate_limit', value=1e9)])
-        for node in (self.dynamics, self.simulated_arm, *(n for n, _ in self._servers.values())):
+        for node in (self.dynamics, self.simulated_arm, *self._servers.values()):
             node.destroy_node()
         rclpy.shutdown()
 
-    def _services_of(self, name: str) -> DynamicsServices:
+    def _serve(self, name: str, controller: Controller) -> None:
+        self._controllers[name] = controller
         if name not in self._servers:
-            node = GuardedCallbacks(f'services_of_{name}')
+            node = self._servers[name] = GuardedCallbacks(f'services_of_{name}')
             keeper = PayloadKeeper(node, lambda: DEFAULTS)
-            self._servers[name] = node, DynamicsServices(node, keeper)
-        return self._servers[name][1]
+            DynamicsServices(node, keeper, lambda: self._controllers[name])
 
     # ------------------------------------------------------------------ services
 
@@ -90,7 +89,7 @@ class RunningNodes:
 
     def ask(self, service: str, arm: ArmModel, request: Any, server: str = '') -> None:
         """Call a service, by default for one of `ARMS`; raise RefusalError with its message."""
-        response = answer_of(self._servers[server or arm.name][0], service, request)
+        response = answer_of(self._servers[server or arm.name], service, request)
         if hasattr(response, 'joint_names'):
             assert sorted(response.joint_names) == sorted(arm.joint_names)
         check_lengths(service, request, response, arm)
@@ -102,18 +101,24 @@ class RunningNodes:
         node = self.dynamics
         if topic == 'joint_trajectory':  # starts at the position of the arm, which has to be valid
             for state in AT_REST:
-                callback_of(node, 'joint_states')(serialize_message(state))
+                self._deliver(serialize_message(state))
         counters = node._path.counters
         answered, node._trajectories.refusal, counters.last_drop = node._path.loop.states, '', ''
         failures = counters.dropped['internal error']
-        info = ({},) if topic == 'joint_trajectory' else ()
-        callback_of(node, topic)(serialize_message(message), *info)
+        if topic == 'joint_states':
+            self._deliver(serialize_message(message))
+        else:
+            callback_of(node, topic)(serialize_message(message), {})
         assert counters.dropped['internal error'] == failures, counters.last_drop
         words = node._trajectories.refusal if topic == 'joint_trajectory' else counters.last_drop
         if words:
             raise RefusalError(words)
         if topic == 'joint_states' and node._path.loop.states == answered:
             raise RefusalError('the state was ignored: it has other joints')
+
+    def _deliver(self, state: bytes) -> None:
+        with np.errstate(over='ignore', invalid='ignore'):  # as in the thread of the loop
+            self.dynamics._loop._deliver(state)
 
     # ------------------------------------------------------------------ parameters and URDFs
 
@@ -145,7 +150,7 @@ class RunningNodes:
             SPEC[name].check(values[name])
         arm = arm_from_parameters(xml, values)
         check_or_refuse(xml, arm, values, self.dynamics.get_logger())
-        self._services_of('any').set_controller(Controller(arm, options_from(values, arm)))
+        self._serve('any', Controller(arm, options_from(values, arm)))
         n = arm.joint_count
         motion = {'position': [0.3] * n, 'velocity': [0.1] * n}
         for service, request in (

@@ -152,8 +152,6 @@ def test_other_processes_get_the_same_friction():
     assert copied.effort(v, load).tolist() == EVERY_TERM.effort(v, load).tolist()
 
 
-# --- sticking ------------------------------------------------------------------------------------
-
 # --- energy --------------------------------------------------------------------------------------
 
 def test_the_stribeck_effect_does_not_cost_the_method_its_accuracy():

@@ -104,9 +104,6 @@ def test_gravity_is_that_of_the_earth_by_default():
     npt.assert_array_equal(moon.with_payloads([]).pinocchio_model.gravity.linear, [0.1, 0.2, -1.6])
 
 
-# --- whole robots --------------------------------------------------------------------------------
-
-
 # --- rejections ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('more', 'message'), [

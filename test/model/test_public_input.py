@@ -131,12 +131,12 @@ PER_JOINT: dict[str, Callable[[Any], Any]] = {
         _BARE, noise_deviation=x, noise_bandwidth=1.0)),
     **{f'gains.{name}': lambda x, name=name: fields_of(  # type: ignore[misc]
         make_gains(_BARE.joint_names, **{name: x}))
-       for name in ('natural_frequency', 'damping_ratio', 'kp', 'kd')},
+       for name in ('natural_frequency', 'damping_ratio')},
     'following_error': lambda x: ControllerOptions(
         make_gains(_BARE.joint_names), following_error=x).largest_error(
             _BARE.limits.velocity).tolist(),
     'effort_rate': lambda x: EffortLimits(
-        *(_BARE.limits.lower, _BARE.limits.upper, _BARE.limits.velocity), 0.01,
+        *(_BARE.limits.lower, _BARE.limits.upper, _BARE.limits.velocity),
         np.asarray(x) if isinstance(x, list) else x).joint_rates.tolist(),
     'effort_limits': lambda x: fields_of(load_arm(planar_arm_urdf(
         [1.0, 1.0], [1.0, 1.0], [0.5, 0.5], [0.1, 0.1], effort_limits=x)).limits),

@@ -10,7 +10,6 @@ The reference is the engine Drake; `test_engines.py` compares more quantities of
 from functools import cache
 from typing import Any
 
-from engine_cases import description
 import numpy as np
 import numpy.testing as npt
 import pytest
@@ -20,14 +19,12 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms
 from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
-
-REAL = ('kinova', 'panda', 'pr2', *(
-    pytest.param(name, marks=pytest.mark.soak) for name in ('talos_left_arm', 'tiago_pro')))
+from robots import robot_urdf
 
 
-@pytest.fixture(params=REAL)
+@pytest.fixture(params=['kinova', 'panda', 'tiago_pro'])
 def real(request):
-    return case_of(description(request.param), np.random.default_rng(7), some_locked=False)
+    return case_of(robot_urdf(request.param), np.random.default_rng(7), some_locked=False)
 
 
 random_tree = cache(random_case)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError, StateVerdict
-from watched_states import nanoseconds, NOW, PERIOD, Q, SECOND, started, Watched
+from watched_states import CONFIRMATIONS, nanoseconds, NOW, PERIOD, Q, SECOND, started, Watched
 
 # --- the age of a state --------------------------------------------------------------------------
 
@@ -86,6 +86,21 @@ def test_the_clock_of_another_computer_keeps_its_offset(offset):
     assert one.judge(1.0005 * t + PERIOD, t + 10.0).is_new
 
 
+@pytest.mark.parametrize(('offset', 'has_age', 'seen'), [
+    (0.0, True, 0.0), (-3000.0, True, 0.0), (-7200.0, True, 7200.0), (7200.0, True, -7200.0),
+    (-7200.0, False, 0.0), (100.0 - NOW / SECOND, True, 0.0)])
+def test_the_offset_of_another_clock_is_known_as_that_of_a_replayed_recording(
+        offset, has_age, seen):
+    """That of the same clock is an age, and simulated time has none."""
+    one = Watched(max_age=0.0, offset=offset)
+    one.watch.has_age = lambda: has_age
+    assert one.watch.clock_offset == 0.0
+    one.judge(0.0)
+    one.judge(PERIOD)
+    assert one.watch.clock_offset == seen
+    assert one.watch.is_other_clock == (abs(offset) > 3600.0)
+
+
 def test_the_offset_of_a_clock_is_followed_by_a_thousandth_of_the_time():
     """A clock that is 0.2 % fast is 0.2 s off what is followed after 200 s."""
     one, t = started(offset=1e8), 0.0
@@ -126,7 +141,7 @@ def test_where_there_is_no_stamp_the_clock_is_the_time():
     one = Watched()
     assert bare(one, 0, 1.0) == StateVerdict(True, None, 'first state', NOW + SECOND)
     second = bare(one, 0, 1.1)
-    assert (second.is_new, second.restart, second.time_shift) == (True, '', 0)
+    assert (second.is_new, second.restart) == (True, '')
     assert second.dt == pytest.approx(0.1)
     assert second.stamp == NOW + nanoseconds(1.1)
     one.crowd = True
@@ -134,18 +149,19 @@ def test_where_there_is_no_stamp_the_clock_is_the_time():
         bare(one, 0, 1.11, Q + 1.0)
 
 
-def test_a_simulation_that_begins_at_0_continues_without_a_reset():
-    """The first stamp, 0, counts as missing; times counted from the clock then count from 0."""
-    one = Watched()
-    first = bare(one, 0, 1.0)
-    second = bare(one, nanoseconds(PERIOD), 1.01)
-    assert second == StateVerdict(True, None, '', nanoseconds(PERIOD), first.stamp)
-    third = bare(one, nanoseconds(2 * PERIOD), 1.02)
-    assert (third.restart, third.time_shift) == ('', 0)
-    assert third.dt == pytest.approx(PERIOD)
-
-
-def test_present_stamps_after_states_without_stamps_reset_the_time():
+def test_a_simulation_that_begins_at_0_restarts_time_with_its_sixth_stamp():
+    """The first stamp, 0, counts as missing; the clock has replaced it."""
     one = Watched()
     bare(one, 0, 1.0)
-    assert one.judge(1.1) == StateVerdict(True, None, 'first state')
+    for k in range(1, CONFIRMATIONS + 1):
+        with pytest.raises(ImplausibleStateError, match='stamp is [0-9.]* s before'):
+            bare(one, nanoseconds(k * PERIOD), 1.0 + k * PERIOD)
+    k = CONFIRMATIONS + 1
+    assert bare(one, nanoseconds(k * PERIOD), 1.0 + k * PERIOD) == StateVerdict(
+        True, None, 'stamp went back', nanoseconds(k * PERIOD))
+
+
+def test_present_stamps_continue_after_states_without_stamps():
+    one = Watched()
+    bare(one, 0, 1.0)
+    assert one.judge(1.1) == StateVerdict(True, pytest.approx(0.1))

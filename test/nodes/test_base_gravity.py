@@ -88,8 +88,7 @@ def test_the_parameter_changes_while_the_arm_holds(client):
 def test_gravity_of_the_base_imu(client):
     namespace = '/mobile'
     node = NodeProcess(
-        DYNAMICS, {'gravity_from_imu': True, 'imu_rpy': [0.0, 0.0, math.pi],
-                   **UNHURRIED}, namespace=namespace)
+        DYNAMICS, {'imu_rpy': [0.0, 0.0, math.pi], **UNHURRIED}, namespace=namespace)
     with running(node), \
             client.collect(JointState, f'{namespace}/dynamics/gravity_compensation') as torques, \
             client.collect(DiagnosticArray, '/diagnostics') as diagnostics:

@@ -33,13 +33,6 @@ BUSY = 0.5
 """[s] that a busy machine delays a state in lock-step: ten times the default state_timeout."""
 
 
-def simulated_arm(namespace: str, **parameters: Any) -> NodeProcess:
-    """Return a process of the simulated arm in lock-step."""
-    return NodeProcess(SIMULATED_ARM, {
-        'rate': 250.0, 'lock_step': True, 'initial_position': START, **parameters},
-        namespace=namespace)
-
-
 def until(states: Collector, seconds: float) -> list[Any]:
     """
     Return the states up to the first one received at this simulated time [s] or later, each once.
@@ -66,12 +59,10 @@ class Gate:
     HELD_AT = 100_000_000
     """[ns], simulated time of the state at which the arm waits."""
 
-    def __init__(
-        self, client: RosClient, namespace: str, has_velocity: bool = True, busy_at: int = 0,
-    ) -> None:
+    def __init__(self, client: RosClient, namespace: str, busy_at: int = 0) -> None:
         """Wait for BUSY [s] with the state of the stamp `busy_at` [ns]."""
         self._client, self._namespace = client, namespace
-        self._has_velocity, self._busy_at = has_velocity, busy_at
+        self._busy_at = busy_at
         self._is_open = self._is_waiting = False
         self._publisher = client.publisher(JointState, f'{namespace}/{self.TOPIC}')
         self.states = client.node.create_subscription(
@@ -79,8 +70,6 @@ class Gate:
 
     def _relay(self, state: JointState) -> None:
         if self._is_open or stamp_from_ros(state.header.stamp) <= self.HELD_AT:
-            if not self._has_velocity:
-                state.velocity = []
             if stamp_from_ros(state.header.stamp) == self._busy_at:
                 time.sleep(BUSY)
             self._publisher.publish(state)
@@ -101,22 +90,22 @@ class Gate:
 @contextmanager
 def gated(
     client: RosClient, namespace: str, trajectory: JointTrajectory, stamp: float,
-    arm: Mapping[str, Any], has_velocity: bool = True, busy_at: int = 0, **parameters: Any,
+    arm: Mapping[str, Any], busy_at: int = 0,
 ) -> Iterator[None]:
     """Run both nodes along a trajectory that starts at a simulated time [s]; see `Gate`."""
     with NodeProcess(
-            DYNAMICS, {'lock_step': True, **parameters}, namespace=namespace,
+            DYNAMICS, {'lock_step': True}, namespace=namespace,
             remaps={'joint_states': Gate.TOPIC}):
-        gate = Gate(client, namespace, has_velocity, busy_at)
+        gate = Gate(client, namespace, busy_at)
         try:
-            with simulated_arm(namespace, **arm):
+            with NodeProcess(
+                    SIMULATED_ARM, {'lock_step': True, 'initial_position': START, **arm},
+                    namespace=namespace):
                 gate.follow(trajectory, stamp)
                 yield
         finally:
             client.node.destroy_subscription(gate.states)
 
-
-# --- following -----------------------------------------------------------------------------------
 
 def reference_at(path: JointTrajectory, t: float) -> np.ndarray:
     """Return the position of a quintic motion from rest to rest at the time t after its start."""
@@ -131,21 +120,6 @@ def largest_error(path: JointTrajectory, states: list[Any]) -> float:
         reference_at(path, 1e-9 * stamp_from_ros(m.header.stamp) - 0.5) - m.position).max()
         for m in states)
 
-
-def test_positions_without_velocities_suffice_for_tracking(client):
-    """Velocities are estimated, with the default parameters, from noisy positions."""
-    path = quintic_point_to_point(NAMES, START, [-0.4, 1.4], 2.0)
-    arm = {'position_noise': 1e-4, 'seed': 3}
-    with client.collect(JointState, '/positions/joint_states') as states, \
-            gated(client, '/positions', path, 0.5, arm, has_velocity=False):
-        seen = until(states, 3.2)
-    assert largest_error(path, seen) < 0.01
-    assert seen[-1].position == pytest.approx([-0.4, 1.4], abs=2e-3)
-    end = np.array([m.position for m in seen[-100:]])
-    assert np.ptp(end, axis=0).max() < 3e-3  # the arm does not oscillate
-
-
-# --- repeatability -------------------------------------------------------------------------------
 
 def content(state: Any) -> bytes:
     """Return the stamp and the numbers of a joint state as bytes."""

@@ -4,6 +4,7 @@
 """How far an arm with brakes moves at the end of the command: the table of docs/safety.md."""
 
 import os
+import re
 import signal
 
 from closed_loop import NAMES, START
@@ -38,7 +39,10 @@ def test_brakes_hold_the_arm_unless_the_command_ramps_to_zero(client, end, actio
             states.clear()
             before = np.array(states.wait_count(100)[-1].position)
             ENDS[end](client, node.pid)
-            arm.wait_for_log('No valid effort')
+            line = arm.wait_for_log(
+                r'\[WARN\].*No valid effort for [\d.]+ s \(command_timeout\), since the joint '
+                r'state of [\d.]+ s: the brakes hold the arm where it is, until the next effort')
+            assert float(re.search(r'for ([\d.]+) s', line)[1]) >= 0.2
             states.clear()
             moved = np.abs(states.wait_count(10)[-1].position - before).max()
         finally:

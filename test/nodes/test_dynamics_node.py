@@ -5,7 +5,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -13,21 +12,24 @@ from fault_bench import nanoseconds_of, stamp_of
 import numpy as np
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
-from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.ros.middleware.conversions import trajectory_to_ros
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.quintics import quintic_via_points
 from robot_dynamics_interfaces.msg import DynamicsTerms
-from ros_harness import Collector, DYNAMICS, EXACT, NodeProcess, RosClient, TIMEOUT, UNHURRIED
+from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, UNHURRIED, wait_until
 from sensor_msgs.msg import JointState
-from simulated_arms import default_dynamics
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 NAMES = ['joint1', 'joint2']
-Q, V = [np.pi / 4, np.pi / 6], [0.5, 0.3]
+Q = [np.pi / 4, np.pi / 6]
 G = [-49.52282521, -11.37087883]
-TAU = [-48.74713301, -10.95795578]
+M = np.array([[6.95846097, 1.56923048], [1.56923048, 0.53]])
+FREQUENCY = 15.0, 10.0
+"""ω [rad/s] of the joints, at which the gains of states at 100 Hz are not lowered."""
+STEP = 10_000_000
+"""[ns] between two states."""
 
 
 @dataclass
@@ -45,18 +47,12 @@ class Bench:
     count: int = 0
     """Number of states."""
 
-    def state(self, q: Any = Q, v: Any = V, names: Any = None) -> JointState:
-        """
-        Return a joint state with a unique stamp, 1 µs after the one before.
-
-        In this time an arm in motion hardly moves. Its default position changes from state to
-        state: an arm in motion repeats no sample.
-        """
+    def state(self, q: Any = Q, names: Any = None) -> JointState:
+        """Return a state of an arm at rest, STEP after the one before; its samples differ."""
         self.count += 1
-        if q is Q:
-            q = [each + 2.5e-16 * (self.count % 16) for each in Q]
-        message = JointState(name=names or NAMES, position=q, velocity=v)
-        message.header.stamp = stamp_of(1_123_456_789 + 1000 * self.count)
+        q = [each + 2.5e-16 * (self.count % 16) for each in q]
+        message = JointState(name=names or NAMES, position=q, velocity=[0.0] * len(q))
+        message.header.stamp = stamp_of(1_123_456_789 + STEP * self.count)
         return message
 
     def command(self, state: JointState) -> Any:
@@ -90,10 +86,11 @@ START = 10_000_000_000_789
 
 @pytest.fixture(scope='module')
 def node(client: RosClient) -> Iterator[Bench]:
-    """Return a node that follows references as they are, with an order other than the model's."""
+    """Return a node with an order of joints other than the model's."""
     with NodeProcess(DYNAMICS, {
-            **UNHURRIED, **EXACT, 'robot_description': default_arm_urdf(), 'joints': NAMES[::-1],
-            'gains.kp': [100.0, 200.0], 'gains.kd': [10.0, 20.0]}, namespace='/topics') as process:
+            **UNHURRIED, 'robot_description': default_arm_urdf(), 'joints': NAMES[::-1],
+            'gains.natural_frequency': FREQUENCY[::-1], 'effort_rate_limit': 1e9},
+            namespace='/topics') as process:
         yield make_bench(client, process, '/topics')
 
 
@@ -107,38 +104,21 @@ def bench(node: Bench) -> Bench:
 
 # --- computed torque -----------------------------------------------------------------------------
 
-def expected_torque(q_ref: Any, v_ref: Any = (0.0, 0.0), a_ref: Any = (0.0, 0.0)) -> list[float]:
-    """Return computed torque at Q and V in the order of the node."""
-    a = np.array(a_ref) + np.array([20.0, 10.0]) * (np.array(v_ref) - V) + (
-        np.array([200.0, 100.0]) * (np.array(q_ref) - Q))
-    tau = default_dynamics().inverse_dynamics(np.array(Q), np.array(V), a)
-    return [float(tau[1]), float(tau[0])]
-
-
-def settle(bench: Bench, wanted: list[float]) -> Any:
-    """
-    Send states until the computed torque is this one; return the message.
-
-    Each state has a new stamp, because the node may receive the first state before the reference.
-    """
-    bench.computed_torque.clear()
-    deadline = time.monotonic() + TIMEOUT
-    while time.monotonic() < deadline:
-        bench.states.publish(bench.state())
-        found = bench.computed_torque.find(
-            lambda message: message.effort == pytest.approx(wanted, abs=1e-9), 0.5)
-        if found is not None:
-            return found
-    raise AssertionError(f'the computed torque did not become {wanted} in {TIMEOUT:g} s')
-
-
 def test_a_set_point_is_followed(client, bench):
+    """Its error is fed back with the gains of each joint; the arm does not move."""
+    error = np.array([0.02, -0.03])
+    inertial = M @ (np.square(FREQUENCY) * error)
+    tau = G + inertial
     bench.command(bench.state())
-    bench.follow(JointTrajectoryPoint(positions=Q, velocities=V, accelerations=[0.1, 0.2]))
-    message = settle(bench, expected_torque(Q, V, [0.1, 0.2]))
+    bench.follow(JointTrajectoryPoint(positions=(Q + error).tolist()))
+
+    def torque() -> Any:
+        return client.answer_to(bench.states, bench.state(), bench.computed_torque)
+
+    wait_until(lambda: torque().effort == pytest.approx(tau[::-1], abs=5e-8), 'the set-point')
+    message = torque()
     assert list(message.name) == ['joint2', 'joint1']
-    assert message.effort == pytest.approx(TAU[::-1], abs=5e-9)
-    assert bench.command(bench.state()).effort == pytest.approx(TAU[::-1], abs=5e-9)
+    assert bench.command(bench.state()).effort == pytest.approx(tau[::-1], abs=5e-8)
     with client.collect(Float64MultiArray, bench.topic('dynamics/commands')) as commands, \
             client.collect(DynamicsTerms, bench.topic('dynamics/terms')) as all_terms:
         commands.wait_matched()
@@ -146,17 +126,14 @@ def test_a_set_point_is_followed(client, bench):
         terms = client.answer_to(bench.states, bench.state(), all_terms)
         # repeated until one is published: the joint order of each subscriber is checked first
         numbers = client.ask(bench.states, bench.state(), commands, lambda message: True)
-    assert numbers.data == pytest.approx(TAU[::-1], abs=5e-9)  # the order of `joints`
+    assert numbers.data == pytest.approx(tau[::-1], abs=5e-8)  # the order of `joints`
     assert list(terms.joint_names) == ['joint2', 'joint1']
-    assert terms.effort == pytest.approx(TAU[::-1], abs=5e-9)
+    assert terms.effort == pytest.approx(tau[::-1], abs=5e-8)
+    assert terms.inertial == pytest.approx(inertial[::-1], abs=5e-8)
+    assert terms.gravity == pytest.approx(G[::-1], abs=5e-8)
     parts = [np.array(getattr(terms, name)) for name in (
         'inertial', 'coriolis', 'gravity', 'friction', 'external')]
     assert sum(parts) == pytest.approx(np.array(terms.effort))
-    assert terms.coriolis == pytest.approx([0.15, -0.234], abs=5e-9)
-    # the error is fed back with the gains of each joint
-    goal = [Q[0] + 0.02, Q[1] - 0.03]
-    bench.follow(JointTrajectoryPoint(positions=goal))
-    settle(bench, expected_torque(goal))
 
 
 # --- the reference -------------------------------------------------------------------------------
@@ -184,15 +161,18 @@ def test_the_reference_is_the_trajectory_at_the_stamp_of_the_state(client, bench
     states, trajectories, gravity = bench.states, bench.trajectories, bench.gravity
     with client.collect(JointState, '/topics/dynamics/reference') as references:
         references.wait_matched()
-        found = client.answer_to(states, state(START - 1_000_000_000), references)
+        found = client.answer_to(states, state(START - 100 * STEP), references)
         check_held(found)  # from the first state on
+        for ns in range(START - 99 * STEP, START - 50 * STEP, STEP):
+            client.answer_to(states, state(ns), references)
         message = trajectory_to_ros(trajectory)
         message.header.stamp = stamp_of(START)
         trajectories.publish(message)
         trajectories.wait_for_all_acked()
         client.get_parameter('/topics/dynamics', 'command')  # answered after that message
-        check_held(client.answer_to(states, state(START - 500_000_000), references))
-        for ns in range(START, START + 3_000_000_000, 170_000_123):
+        for ns in range(START - 50 * STEP, START, STEP):
+            check_held(client.answer_to(states, state(ns), references))
+        for ns in range(START, START + 300 * STEP, STEP + 123):
             found = client.answer_to(states, state(ns), references)
             position, velocity, _ = expected.sample(ns)
             assert list(found.name) == NAMES[::-1]
@@ -237,10 +217,10 @@ def test_a_description_on_its_topic_replaces_the_embedded_arm_if_there_is_no_par
     one = planar_arm_urdf([2.0], [1.0], [0.5], [0.1], name='one_link', joint_names=['hinge'])
     with client.describing('/described') as publish:
         publish(one)
-        with NodeProcess(DYNAMICS, {'state_thread': False}, namespace='/described') as process:
+        with NodeProcess(DYNAMICS, namespace='/described') as process:
             process.wait_for_log("Model 'one_link'")  # transient local: published before
             other = make_bench(client, process, '/described')
-            effort = other.command(other.state([np.pi / 2], [0.0], ['hinge']))
+            effort = other.command(other.state([np.pi / 2], ['hinge']))
     assert list(effort.name) == ['hinge']
     assert effort.effort == pytest.approx([-2.0 * 9.81 * 0.5])
     assert client.node.count_subscribers('/topics/robot_description') == 0

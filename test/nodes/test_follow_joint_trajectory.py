@@ -111,14 +111,15 @@ def test_a_stop_ends_every_goal_that_was_accepted_before(client, arm):
             GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL, '~/stop was called')
 
 
-def test_the_tolerances_of_the_parameters_are_the_defaults(client, arm):
+def test_the_tolerance_of_the_parameter_is_the_default(client, arm):
     def result(*points: tuple[float, Sequence[float]], **more: Any) -> tuple[int, str]:
         return arm.send(goal_of(*points, **more)).result()[1:]
 
-    client.set_parameters('/goals/dynamics', {'goal.path_tolerance': [0.0, 1e-9]})
-    code, message = result((0.0, START), (2.0, GOAL))
-    assert code == Result.PATH_TOLERANCE_VIOLATED
+    soon = {'goal_time_tolerance': Duration(nanosec=50_000_000)}
+    client.set_parameters('/goals/dynamics', {'goal.tolerance': [0.0, 1e-15]})
+    code, message = result((0.0, START), (2.0, GOAL), **soon)
+    assert code == Result.GOAL_TOLERANCE_VIOLATED
     assert "'joint2' is" in message
-    erased = {'path_tolerance': [JointTolerance(name='joint2', position=-1.0)]}
+    erased = {'goal_tolerance': [JointTolerance(name='joint2', position=-1.0)]}
     assert result((2.0, START), **erased) == (Result.SUCCESSFUL, '')
-    client.set_parameters('/goals/dynamics', {'goal.path_tolerance': [0.0]})
+    client.set_parameters('/goals/dynamics', {'goal.tolerance': [0.01]})

@@ -62,8 +62,10 @@ CASES = {
     'integer': Case(
         {'effort_limit_fraction': 1}, r'effort_limit_fraction.*a number with a decimal point'),
     'several gains without an order of the joints': Case(
-        {'gains.kp': [1.0, 2.0]}, r'gains\.kp has 2 values, .*but the parameter joints'),
-    'mixed types': Case({'gains.kp': [1, 2.0]}, r'Sequence should be of same type.*line_num'),
+        {'gains.damping_ratio': [1.0, 2.0]},
+        r'gains\.damping_ratio has 2 values, .*but the parameter joints'),
+    'mixed types': Case(
+        {'gains.damping_ratio': [1, 2.0]}, r'Sequence should be of same type.*line_num'),
     'mismatched payloads': Case(
         {'payload.mass': [1.0]},
         r'payload\.mass has 1 values, expected 1 for each of payload.links'),

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""rosdep, catkin_pkg and bloom with all packages; the index of rosdep is local."""
+"""rosdep and catkin_pkg with all packages; the index of rosdep is local."""
 
 import re
 import shlex
@@ -12,15 +12,14 @@ import pytest
 from workspace import documented, PACKAGES, Workspace
 
 pytest.importorskip('rosdep2', reason='rosdep is not installed')
-pytest.importorskip('bloom', reason='bloom is not installed')
 
 KEYS = (
     'python3-argcomplete', 'python3-hypothesis', 'python3-matplotlib', 'python3-numpy',
     'python3-pil', 'python3-pytest', 'python3-scipy', 'python3-yaml')
 """Keys of rosdep/python.yaml with a package of Ubuntu, in ros/rosdistro of 22 August 2026."""
 ROS_PACKAGES = (
-    'ament_cmake', 'ament_index_python', 'builtin_interfaces', 'coal', 'control_msgs',
-    'diagnostic_msgs', 'geometry_msgs', 'launch', 'launch_ros', 'lifecycle_msgs', 'pinocchio',
+    'ament_cmake', 'builtin_interfaces', 'coal', 'control_msgs', 'diagnostic_msgs',
+    'geometry_msgs', 'launch', 'launch_ros', 'lifecycle_msgs', 'pinocchio',
     'rcl_interfaces', 'rclpy', 'robot_state_publisher', 'ros2cli', 'ros2launch', 'rosgraph_msgs',
     'rosidl_default_generators', 'rosidl_default_runtime', 'sensor_msgs', 'std_msgs', 'std_srvs',
     'trajectory_msgs', 'visualization_msgs', 'xacro')
@@ -92,26 +91,3 @@ def test_rosdep_and_catkin_pkg_find_the_nested_packages_by_paths_or_links(worksp
     subprocess.run(shlex.split(documented('ln -s')), cwd=workspace.directory, check=True)
     check_installed(workspace, one_path)
     assert {package.name for package in find_packages(source).values()} == set(PACKAGES)
-
-
-BLOOM = """
-import sys
-from bloom.packages import get_package_data
-for directory in sys.argv[1:]:
-    names, version, _ = get_package_data(directory=directory, release_directory='.')
-    print(*names, version)
-"""
-
-
-def test_bloom_finds_one_package_per_path(workspace):
-    """A release needs a source tree for each package: bloom does not look inside packages."""
-    for command in (['init', '-q', '-b', 'master'], ['commit', '-q', '--allow-empty', '-m', 'x']):
-        subprocess.run(
-            ['git', '-c', 'user.name=test', '-c', 'user.email=test@localhost', *command],
-            cwd=workspace.directory, check=True, capture_output=True)
-    found = workspace.run(
-        'python -c', BLOOM, str(workspace.source), *(
-            str(workspace.source / name) for name in PACKAGES[1:]))
-    version = r' \d+\.\d+\.\d+\n'
-    assert re.fullmatch(''.join(f'{name}{version}' for name in PACKAGES), found.stdout), (
-        found.stdout)

@@ -121,6 +121,12 @@ def test_any_finite_problem_has_a_finite_motion(count):
 
 @counts
 def test_extremes_and_samples_agree(count):
+    """
+    The samples keep the rounding error of the acceleration, the extremes do not.
+
+    An acceleration that falls from 80 rad/s² to 0 is then wrong by the last bit of 80, 1.4e-14: in
+    380 s at constant velocity, the position of a sample by 0.5 · 1.4e-14 · 380² = 1.03e-9 rad.
+    """
     for problem in problems(count // 4, 1.5, symmetric=False):
         phases = to_rest(*problem)
         times = [0.0]
@@ -129,9 +135,10 @@ def test_extremes_and_samples_agree(count):
         samples = list(zip(*(evaluate(phases, t, 0.0, *problem[1:3]) for t in times)))
         found = problem.extremes(phases)
         for values, low, high in zip(samples, found[::2], found[1::2]):
-            near = 0.02 * (high - low) + 1e-9
-            assert low - 1e-9 <= min(values) <= low + near
-            assert high - near <= max(values) <= high + 1e-9
+            tolerance = 1e-9 * max(1.0, duration(phases) / 100.0)**2
+            near = 0.02 * (high - low) + tolerance
+            assert low - tolerance <= min(values) <= low + near
+            assert high - near <= max(values) <= high + tolerance
 
 
 @counts

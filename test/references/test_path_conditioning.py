@@ -208,7 +208,8 @@ def test_an_infeasible_trajectory_that_is_slowed_down_has_the_same_path(
             expected = sample_segment(t, p0.time_from_start, p0, p1.time_from_start, p1)
             actual = sample_segment(
                 slowness * t, r0.time_from_start, r0, r1.time_from_start, r1)
-            assert actual.position == pytest.approx(expected.position, abs=1e-9)
+            # The times are whole nanoseconds, in which the arm moves by up to 10 nrad.
+            assert actual.position == pytest.approx(expected.position, abs=1e-8)
             assert slowness * actual.velocity == pytest.approx(expected.velocity, abs=1e-6)
     assert efforts_along(dynamics(), found).worst_ratio <= 1.0 + 1e-5
     for _, v in dense(found):
@@ -234,7 +235,7 @@ def test_a_lower_effort_scale_leaves_less():
 
 def test_what_is_not_feasible_at_a_hundredth_of_the_speed_is_rejected():
     sent = quintic_point_to_point(NAMES, [0.0, 0.0], [0.3, 0.1], 2.0)
-    with pytest.raises(TrajectoryError, match='not feasible at any speed'):
+    with pytest.raises(TrajectoryError, match='at any speed'):
         conditioned(sent, effort_limit_fraction=0.01, slows_down=True)
     way = 10.0 / 1.875  # [rad] that a quintic covers in 1 s at the velocity limit
     for factor in (95.0, 105.0):

@@ -15,12 +15,12 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.references.jerk_profile import (
     Bounds,
     duration,
+    end,
     Extremes,
     extremes,
     stop,
     to_rest,
 )
-from robot_dynamics.references.joint_planner import Target
 from robot_dynamics.references.motion_limits import MotionLimits
 from robot_dynamics.references.planner import (
     Plan,
@@ -142,8 +142,9 @@ def random_case(r: random.Random, start: Reference, limits: MotionLimits) -> Cas
         return Case(kind, start, limits, plan_stop(start, limits), start.position[np.newaxis])
     if kind in ('goal', 'later', 'stream'):
         arrival = 0.0 if kind == 'goal' else r.uniform(0.0, 3.0)
-        plan = plan_to_goal(start, goal, limits, arrival, arrival if kind == 'stream' else 0.0)
-        return Case(kind, without_creep(start), limits, plan, goal[np.newaxis])
+        start = without_creep(start)
+        plan = plan_to_goal(start, goal, limits, arrival, kind == 'stream')
+        return Case(kind, start, limits, plan, goal[np.newaxis])
     if kind == 'target':
         return target_case(r, start, limits, goal)
     v = limits.whole.velocity * [r.uniform(-0.5, 0.5) for _ in goal]
@@ -162,19 +163,17 @@ def target_case(
     if r.random() < 0.6:
         goal = start.position + [r.uniform(-0.1, 0.1) for _ in goal]
     speed, change = r.choice([0.2, 0.5, 1.0]), r.choice([0.0, 1.0])
-    target = Target(
+    target = Reference(
         goal, whole.velocity * [speed * r.uniform(-1.0, 1.0) for _ in goal],
-        limits.acceleration * [change * r.uniform(-1.0, 1.0) for _ in goal], time,
-        np.array([r.choice([0.0, time]) for _ in goal]))
+        limits.acceleration * [change * r.uniform(-1.0, 1.0) for _ in goal])
     goals, held = [], np.clip(goal, limits.lower, limits.upper)
-    for j in range(len(goal)):
-        since = float(target.since[j])
-        v, a = target.joint(j, time + FOLLOW_TIME)[1:]
-        path = extremes([(time + FOLLOW_TIME - since, 0.0), *stop(v, a, bounds_of(limits, j))],
-                        *target.joint(j, since))
-        goals.append((path.q_min, path.q_max, held[j]))
-    return Case('target', start, limits, plan_with_target(start, target, limits, FOLLOW_TIME),
-                np.array(goals).T)
+    for j, state in enumerate(zip(*target)):
+        now, path = end([(-time, 0.0)], *state), [(time + FOLLOW_TIME, 0.0)]
+        found = extremes([*path, *stop(*end(path, *now)[1:], bounds_of(limits, j))], *now)
+        goals.append((found.q_min, found.q_max, held[j]))
+    return Case(
+        'target', start, limits, plan_with_target(start, target, time, limits, FOLLOW_TIME),
+        np.array(goals).T)
 
 
 # --- laws ----------------------------------------------------------------------------------------

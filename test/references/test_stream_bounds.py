@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.references.jerk_profile import end, Extremes, extremes
 from robot_dynamics.references.motion_limits import MotionLimits
 from robot_dynamics.references.reference_generator import ReferenceGenerator

@@ -5,12 +5,16 @@
 
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
+from robot_dynamics.model.arm_dynamics import EffortTerms
 from robot_dynamics.ros.middleware import cdr_templates
+from robot_dynamics.ros.middleware.conversions import terms_to_ros
+from robot_dynamics_interfaces.msg import DynamicsTerms
 from rosbags.typesys import get_typestore, Stores
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -94,7 +98,7 @@ def outcome(read: Any, data: bytes) -> Any:
 
 
 @pytest.mark.parametrize('n', [1, 7])
-def test_efforts_and_motions_are_written_as_rclpy_writes_them(n):
+def test_efforts_motions_and_terms_are_written_as_rclpy_writes_them(n):
     names = ['joint' + 'x' * i for i in range(n)]  # with any number of padding bytes
     named, bare = cdr_templates.effort_template(names), cdr_templates.array_template(n)
     strict = get_typestore(Stores.ROS2_JAZZY)  # rejects data with extra bytes
@@ -118,3 +122,6 @@ def test_efforts_and_motions_are_written_as_rclpy_writes_them(n):
     assert message == state('', names, q.tolist(), v.tolist(), [], 0, 0)
     read = strict.deserialize_cdr(data, 'sensor_msgs/msg/JointState')
     assert list(read.velocity) == v.tolist()
+    terms = EffortTerms(*np.arange(6.0 * n).reshape(6, n), 1.5, -2.5)
+    data = cdr_templates.terms_template(names).filled(bytes(8), *terms[:6], np.array(terms[6:]))
+    assert deserialize_message(data, DynamicsTerms) == terms_to_ros(terms, names, Time())

@@ -79,21 +79,21 @@ def test_a_half_that_is_missing_is_named():
         assert assembly.missing == ['b']
 
 
-def test_the_largest_age_of_a_sample_may_be_set():
-    assembly = StateAssembly(NAMES, max_age=0.1)
+def test_a_message_that_is_received_twice_discards_no_samples():
+    assembly = StateAssembly(NAMES)
     assert assembly.take(message(PERIOD, ['b'])) is None
-    for _ in range(2):  # a message that is received twice discards no samples
-        assert assembly.take(message(PERIOD + 100 * MS, ['a', 'c'])) is not None
-    assert assembly.take(message(PERIOD + 101 * MS, ['a', 'c'])) is None
+    for _ in range(2):
+        assert assembly.take(message(PERIOD, ['a', 'c'])) is not None
+    assert assembly.take(message(PERIOD + MS, ['a', 'c'])) is None
 
 
 def test_velocities_and_efforts_that_both_halves_have_are_assembled():
-    assembly = StateAssembly(NAMES, max_age=1.0)
+    assembly = StateAssembly(NAMES)
     assembly.take(message(PERIOD, ['b'], has_velocity=False))
     state = assembly.take(message(PERIOD, ['a', 'c']))
     assert JointStateReader(NAMES).read(state)[1] is None
     assert JointStateReader(NAMES).effort(state) is None
-    assembly.take(message(PERIOD, ['b'], 5.0, has_effort=True))
+    assembly.take(message(2 * PERIOD, ['b'], 5.0, has_effort=True))
     state = assembly.take(message(2 * PERIOD, ['c', 'a'], 7.0, has_effort=True))
     assert state.stamp == stamp_bytes(2 * PERIOD)
     reader = JointStateReader(NAMES)
@@ -116,14 +116,15 @@ def test_a_period_that_begins_at_time_0_is_measured():
 @pytest.mark.parametrize(('interval', 'is_used'), [
     (-PERIOD, False), (2 * SECOND - MS, True), (2 * SECOND, False)])
 def test_after_a_reset_or_a_long_pause_no_old_sample_is_used(interval, is_used):
-    """For any largest age; an interval below 2 s is none."""
-    assembly = StateAssembly(NAMES, max_age=10.0)
+    """An interval below 2 s is none: the samples of 1 s before are of the last half period."""
+    assembly = StateAssembly(NAMES)
     start = 2 * PERIOD
     assembly.take(message(start, ['b']))
     assert assembly.take(message(start, ['a', 'c'])) is not None
-    state = assembly.take(message(start + interval, ['a', 'c']))
+    assert assembly.take(message(start + interval, ['a', 'c'])) is None
+    state = assembly.take(message(start + interval + SECOND, ['b', 'hand']))
     assert (state is not None) == is_used
-    assert assembly.missing == ([] if is_used else ['b'])
+    assert assembly.missing == ([] if is_used else ['a', 'c'])
 
 
 def test_a_single_late_message_hardly_changes_the_largest_age():

@@ -182,26 +182,6 @@ def test_energy_never_grows_without_input(data):
         assert np.abs(simulation.presliding_state).max() <= 1.0
 
 
-def path(arm: ArmModel, q: np.ndarray) -> np.ndarray:
-    """Return the positions under efforts that let all joints stick and slip."""
-    simulation = released(arm, q)
-    gravity = ArmDynamics(arm).rigid_body.gravity(q)
-    F = arm.friction.coulomb
-    return np.array([simulation.step(
-        gravity + 1.5 * F * np.sin(0.05 * k + np.arange(len(q))), 2e-3).position
-        for k in range(150)])
-
-
-def test_the_limit_of_short_distances_is_rigid_sticking():
-    q = np.array([0.4, -0.7])
-    rigid = path(rubbing(ARM, coulomb=[4.0, 1.5]), q)
-    assert np.abs(rigid[-1] - q).max() > 1e-3
-    errors = [np.abs(path(rubbing(ARM, coulomb=[4.0, 1.5], presliding_distance=[d]), q)
-                     - rigid).max() for d in (1e-3, 1e-4, 1e-5)]
-    assert errors[0] > 2.0 * errors[1] > 4.0 * errors[2]
-    assert errors[2] < 2e-3
-
-
 def test_the_state_is_that_of_the_identification():
     """Along the simulated positions, `presliding_state` has the deflections of the simulation."""
     d, h = np.array([3e-3, 1e-2]), 1e-3

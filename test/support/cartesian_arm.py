@@ -13,11 +13,14 @@ import numpy.typing as npt
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control import ControlLaw, Controller, LawInput, make_gains
-from robot_dynamics.control.laws.cartesian import Cartesian, make_cartesian
 from robot_dynamics.control.options import ControllerOptions, default_effort_rates
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
-from robot_dynamics.task_space.frame_kinematics import rotation_vector
+from robot_dynamics.task_space.frame_kinematics import (
+    FrameKinematics,
+    last_link,
+    rotation_vector,
+)
 from robot_dynamics.task_space.inverse_kinematics import joints_at
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
@@ -31,6 +34,8 @@ ROTORS = 0.005
 LARGEST_LIMIT = 300.0
 DEPTH = 0.03
 """[m] of the reference behind the wall, and of the start before it."""
+STIFFNESS = np.array([500.0] * 3 + [30.0] * 3)
+"""Of the frame [N/m] and [N·m/rad], the default."""
 DIVERGED = 100.0
 """[rad/s] at which a run ends."""
 FINE = 50
@@ -50,8 +55,8 @@ class UnitMass(ControlLaw):
     The posture has 5 N·m/rad in the null space, and its damping 2√5. Nothing scales the gains.
     """
 
-    def __init__(self, cartesian: Cartesian) -> None:
-        self._K, self._kinematics = cartesian.stiffness, cartesian.kinematics()
+    def __init__(self, kinematics: FrameKinematics) -> None:
+        self._K, self._kinematics = STIFFNESS, kinematics
 
     def effort(self, state: LawInput) -> FloatArray:
         """Return C q̇ + g + Jᵀ (K e − D J q̇), and the effort of the posture."""
@@ -74,14 +79,12 @@ class CartesianArm:
         """With `unit_mass` under the law `UnitMass`."""
         arm = smooth_arm(robot)
         self.arm = rotored(arm) if rotors else arm
-        self.cartesian = make_cartesian(self.arm)
-        self.kinematics, self.body = (
-            self.cartesian.kinematics(), UncheckedArmDynamics(self.arm).rigid_body)
+        self.kinematics = FrameKinematics(self.arm, last_link(self.arm))
+        self.body = UncheckedArmDynamics(self.arm).rigid_body
         self.controller = Controller(self.arm, ControllerOptions(
-            make_gains(arm.joint_names), command='cartesian_impedance',
-            cartesian=self.cartesian, scales_gains=True, stops_and_holds=True,
-            effort_rate=default_effort_rates(arm)),
-            law=UnitMass(self.cartesian) if unit_mass else None)
+            make_gains(arm.joint_names), command='cartesian_impedance', scales_gains=True,
+            stops_and_holds=True, effort_rate=default_effort_rates(arm)),
+            law=UnitMass(FrameKinematics(arm, last_link(arm))) if unit_mass else None)
         self.q = np.array(POSES.get(robot, middle(arm)))
         self.v = np.zeros_like(self.q)
         self._period, self._delay, self._k = round(1e3 / rate), delay, 0
@@ -164,7 +167,7 @@ class CartesianArm:
         self.push = lambda q: stiffness * depth(q) * (n @ self.kinematics.jacobian(q)[2][:3])
         goal = p - 2.0 * DEPTH * n
         self.follow(goal, R)
-        start = 0.5 * float(self.cartesian.stiffness[:3] @ (goal - p)**2)
+        start = 0.5 * float(STIFFNESS[:3] @ (goal - p)**2)
         self.run(0.5, FINE)
         reference = self.controller.reference
         while reference.velocity.any() or reference.acceleration.any():

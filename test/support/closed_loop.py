@@ -87,12 +87,9 @@ def publish(client: RosClient, topic: str, message: Any) -> None:
     publisher.wait_for_all_acked()
 
 
-def send(
-    client: RosClient, namespace: str, *points: tuple[float, Sequence[float]],
-    names: Sequence[str] = NAMES,
-) -> None:
+def send(client: RosClient, namespace: str, *points: tuple[float, Sequence[float]]) -> None:
     """Publish a trajectory of positions at times [s]; wait until it has been received."""
-    message = JointTrajectory(joint_names=names, points=[
+    message = JointTrajectory(joint_names=NAMES, points=[
         JointTrajectoryPoint(
             positions=list(map(float, q)),
             time_from_start=Duration(sec=int(t), nanosec=round(1e9 * (t % 1.0))))

@@ -54,10 +54,9 @@ class Engine:
     """
     Dynamics of the whole tree; vectors are (m,) in the order of `joint_names`.
 
-    An engine builds its model from `self.bare`, and has `inverse_dynamics`, `forward_dynamics`,
-    `mass_matrix`, `kinetic_energy`, `potential_energy`, and the `point_motion` of a point in the
-    frame of its link.
-    With `damping`, forward and inverse dynamics include D v with the damping of the description.
+    An engine builds its model from `self.bare`, and has `inverse_dynamics`, `mass_matrix`, and the
+    `point_motion` of a point in the frame of its link; Drake also has the energies.
+    With `damping`, inverse dynamics include D v with the damping of the description.
     """
 
     def __init__(self, urdf: str, damping: bool = False) -> None:
@@ -90,7 +89,6 @@ class MujocoEngine(Engine):
             ElementTree.tostring(self.bare, encoding='unicode'))
         self.model.opt.gravity = GRAVITY
         self.model.opt.disableflags = self.mj.mjtDisableBit.mjDSBL_CONSTRAINT
-        self.model.opt.enableflags = self.mj.mjtEnableBit.mjENBL_ENERGY
         self.data = self.mj.MjData(self.model)
         joints = [self.model.joint(name) for name in self.joint_names]
         self.position = np.array([joint.qposadr[0] for joint in joints])
@@ -116,19 +114,6 @@ class MujocoEngine(Engine):
         self.mj.mj_inverse(self.model, data)
         tau = data.qfrc_inverse[self.velocity]
         return np.asarray(tau + self.external(q, wrenches) if wrenches else tau)
-
-    def forward_dynamics(
-        self, q: Array, v: Array, tau: Array, wrenches: Sequence[Any] = ()) -> Array:
-        data = self._set(q, v)
-        data.qfrc_applied[self.velocity] = tau
-        self.mj.mj_kinematics(self.model, data)
-        for wrench in wrenches:
-            body, force, torque = self._world(wrench)
-            # `xfrc_applied` acts at the centre of mass.
-            arm = data.xpos[body] - data.xipos[body]
-            data.xfrc_applied[body] += np.concatenate([force, torque + np.cross(arm, force)])
-        self.mj.mj_forward(self.model, data)
-        return np.asarray(data.qacc[self.velocity])
 
     def mass_matrix(self, q: Array) -> Array:
         data, m = self._set(q), self.model.nv
@@ -160,16 +145,6 @@ class MujocoEngine(Engine):
                 self.model, data, force, torque, data.xpos[body].copy(), body, pushed)
         return np.asarray(-pushed[self.velocity])
 
-    def kinetic_energy(self, q: Array, v: Array) -> float:
-        data = self._set(q, v)
-        self.mj.mj_forward(self.model, data)
-        return float(data.energy[1])
-
-    def potential_energy(self, q: Array) -> float:
-        data = self._set(q)
-        self.mj.mj_forward(self.model, data)
-        return float(data.energy[0])
-
 
 class DrakeEngine(Engine):
     """
@@ -183,7 +158,6 @@ class DrakeEngine(Engine):
         parsing = library('pydrake.multibody.parsing')
         self.tree = library('pydrake.multibody.tree')
         self.force_of = library('pydrake.multibody.math').SpatialForce
-        self.applied = multibody.ExternallyAppliedSpatialForce
         self.plant = multibody.MultibodyPlant(0.0)
         parsing.Parser(self.plant).AddModelsFromString(
             ElementTree.tostring(self.bare, encoding='unicode'), 'urdf')
@@ -224,21 +198,6 @@ class DrakeEngine(Engine):
         tau = self.plant.CalcInverseDynamics(context, self._full(a, self.velocity), forces)
         return np.asarray(tau[self.velocity])
 
-    def forward_dynamics(
-        self, q: Array, v: Array, tau: Array, wrenches: Sequence[Any] = ()) -> Array:
-        context, applied = self._set(q, v), []
-        for wrench in wrenches:
-            push, body = self.applied(), self._body(wrench.link)
-            push.body_index, push.p_BoBq_B = body.index(), np.zeros(3)
-            R = self.plant.EvalBodyPoseInWorld(context, body).rotation().matrix()
-            push.F_Bq_W = self.force_of(R @ wrench.torque, R @ wrench.force)
-            applied.append(push)
-        self.plant.get_applied_spatial_force_input_port().FixValue(context, applied)
-        self.plant.get_applied_generalized_force_input_port().FixValue(
-            context, self._full(tau, self.velocity))
-        a = self.plant.get_generalized_acceleration_output_port().Eval(context)
-        return np.asarray(a[self.velocity])
-
     def mass_matrix(self, q: Array) -> Array:
         M = self.plant.CalcMassMatrix(self._set(q))
         return np.asarray(M[np.ix_(self.velocity, self.velocity)])
@@ -266,8 +225,6 @@ class Projected(Engine):
 
     def __init__(self, engine: Engine, G: Array, q0: Array) -> None:
         self.engine, self.G, self.q0 = engine, G, q0
-        # A permutation at most: use the forward dynamics of the engine.
-        self.whole = G.shape[0] == G.shape[1]
 
     def tree(self, q: Array) -> Array:
         """Return the positions of all joints of the tree."""
@@ -277,14 +234,6 @@ class Projected(Engine):
         self, q: Array, v: Array, a: Array, wrenches: Sequence[Any] = ()) -> Array:
         return self.G.T @ self.engine.inverse_dynamics(
             self.tree(q), self.G @ v, self.G @ a, wrenches)
-
-    def forward_dynamics(
-        self, q: Array, v: Array, tau: Array, wrenches: Sequence[Any] = ()) -> Array:
-        G = self.G
-        if self.whole:
-            return G.T @ self.engine.forward_dynamics(self.tree(q), G @ v, G @ tau, wrenches)
-        rest = tau - self.inverse_dynamics(q, v, np.zeros(len(q)), wrenches)
-        return np.asarray(np.linalg.solve(self.mass_matrix(q), rest))
 
     def mass_matrix(self, q: Array) -> Array:
         return self.G.T @ self.engine.mass_matrix(self.tree(q)) @ self.G

@@ -28,14 +28,8 @@ from std_msgs.msg import Header
 
 RATE = np.array([1500.0, 600.0])
 """`effort_rate_limit` of the default arm by default [N·m/s]: its effort limits in 0.1 s."""
-DIRECT = {
-    'condition_references': False, 'scale_gains': False, 'following_error_limit': [0.0]}
-"""
-Parameters with which a distant set-point immediately exceeds the limits of the command.
-
-For tests of the limits and of fault actions: the conditioned reference of an arm at rest never
-reaches these limits.
-"""
+UNFOLLOWED = {'following_error_limit': [0.0]}
+"""With it the reference may leave an arm at rest until the command exceeds its limits."""
 NO_STREAM = {'reference_timeout': 0.001}
 """For tests of other faults: set-points at this distance do not form a stream that times out."""
 

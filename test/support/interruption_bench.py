@@ -42,7 +42,7 @@ def interruption_bench(client: RosClient, namespace: str) -> Iterator[FaultBench
 @contextmanager
 def following(bench: FaultBench) -> Iterator[FaultBench]:
     """Yield the bench with the arm at rest at `Q` and following `Q`; clean up at the end."""
-    bench.set_parameters(command='computed_torque', scale_gains=True)
+    bench.set_parameters(command='computed_torque')
     bench.check_alive()
     follow(bench, Q)
     yield bench

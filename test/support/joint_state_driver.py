@@ -8,7 +8,6 @@ It streams joint states with current stamps and does not make up for states that
 stopped. `DriverProcess` runs it for a test.
 """
 
-from collections.abc import Sequence
 import os
 from pathlib import Path
 import re
@@ -25,12 +24,9 @@ from sensor_msgs.msg import JointState
 class DriverProcess:
     """A driver process for a `FaultBench`; only one process runs at a time."""
 
-    def __init__(
-        self, _: RosClient, topic: str, rate: float = 200.0, prefix: Sequence[str] = (),
-    ) -> None:
-        """Prepare the process without starting it; `prefix` is a command that runs a command."""
-        self.names, self.q, self._rate = NAMES, Q, rate
-        self._topic, self._prefix = topic, prefix
+    def __init__(self, _: RosClient, topic: str, rate: float = 200.0) -> None:
+        """Prepare the process without starting it."""
+        self.names, self.q, self._topic, self._rate = NAMES, Q, topic, rate
         self._process: NodeProcess | None = None
         self._stands = False
 
@@ -38,8 +34,7 @@ class DriverProcess:
         """Start the process; do not wait for it."""
         self._process = NodeProcess(
             Path(__file__).stem, {'rate': self._rate}, remaps={'joint_states': self._topic},
-            environment=NO_SHARED_MEMORY, ready=re.compile('Streaming'),
-            prefix=self._prefix).launch()
+            environment=NO_SHARED_MEMORY, ready=re.compile('Streaming')).launch()
         return self
 
     def be_quiet(self) -> None:

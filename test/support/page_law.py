@@ -7,12 +7,26 @@ from pathlib import Path
 import re
 from typing import Any
 
+from robot_dynamics.control.laws.control_law import ControlLaw
+
 PAGE = Path(__file__).parents[2] / 'docs' / 'control_laws.md'
-PAGE_MODULE, = re.findall(r'```python\n(# impedance.py\n.*?)```', PAGE.read_text(), re.DOTALL)
+PAGE_MODULE, = re.findall(r'```python\n(# spring.py\n.*?)```', PAGE.read_text(), re.DOTALL)
 
 
-def page_law() -> dict[str, Any]:
-    """Return the names of the module of the page."""
+def page_law() -> type[ControlLaw]:
+    """Return the law."""
     scope: dict[str, Any] = {}
-    exec(compile(PAGE_MODULE, 'impedance.py', 'exec'), scope)
-    return scope
+    exec(compile(PAGE_MODULE, 'spring.py', 'exec'), scope)
+    law: type[ControlLaw] = scope['Spring']
+    return law
+
+
+def install_page_law(directory: Path, further: str = '') -> None:
+    """Install a package with the law `own_spring` in a directory; `further` entry points."""
+    package, information = directory / 'user_package', directory / 'user_package-1.0.dist-info'
+    package.mkdir()
+    (package / 'spring.py').write_text(PAGE_MODULE)
+    information.mkdir()
+    (information / 'METADATA').write_text('Name: user_package\nVersion: 1.0\n')
+    (information / 'entry_points.txt').write_text(
+        f'[robot_dynamics.control_laws]\nown_spring = user_package.spring:Spring\n{further}')

@@ -93,10 +93,6 @@ def with_friction_and_motors(arm: ArmModel, kind: str, room: np.ndarray) -> ArmM
     """Return an arm whose friction takes a part of the effort that gravity leaves."""
     names = arm.joint_names
     v = np.where(np.isfinite(arm.limits.velocity), np.minimum(arm.limits.velocity, 10.0), 3.0)
-    if kind == 'none':
-        return frictionless(arm)
-    if kind == 'viscous':
-        return arm.with_friction(make_friction(names, 0.3 * room / v, 0.3 * room))
     if kind == 'stribeck':
         return arm.with_friction(make_friction(
             names, 0.1 * room / v, 0.1 * room, 0.2 * room, 0.05, 0.02 * room, sigmoid=0.1 * room,

@@ -8,12 +8,11 @@ Without that package, the tests that need it are skipped with the reason. If the
 variable CI is set, on x86-64 Linux, they fail instead.
 """
 
-from collections.abc import Sequence
 import os
 from pathlib import Path
 import platform
 import sys
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -29,38 +28,13 @@ _FILES = {
     'so100': 'so_arm_description/urdf/so100.urdf',
     'talos_full_v2': 'talos_data/robots/talos_full_v2.urdf',
     'tiago': 'tiago_description/robots/tiago.urdf',
-    'tiago_dual': 'tiago_description/robots/tiago_dual.urdf',
     'tiago_no_hand': 'tiago_description/robots/tiago_no_hand.urdf',
     'tiago_pro': 'tiago_pro_description/robots/tiago_pro.urdf',
 }
 
-ROBOTS = tuple(_FILES)
-"""Every robot by the name that `robot_urdf` takes."""
-
-ARMS = ('kinova', 'panda', 'so100', 'talos_left_arm', 'ur3', 'ur5', 'ur10', 'xarm7', 'z1')
-"""Single arms, six to eight actuated joints each."""
-
 JOINTS = {
     'panda': [f'panda_joint{i + 1}' for i in range(7)], 'z1': [f'joint{i + 1}' for i in range(6)]}
 """Joints of an arm without its gripper."""
-
-KINDS = {
-    'ur5': 'serial, revolute joints',
-    'kinova': 'serial, continuous joints',
-    'panda': 'prismatic fingers, one of them a mimic joint',
-    'so100': 'axes along x, y and z, a link with the name of a joint',
-    'talos_left_arm': 'mimic elements at fixed joints',
-    'tiago_no_hand': 'branches, prismatic lift, wheels, inertias that no body has',
-    'talos_full_v2': 'many branches, revolute mimic joints',
-    'pr2': 'negative axes, and all of the above in one tree',
-}
-"""One robot per kind of tree, with the kind; tests of all robots run these by default."""
-
-
-def by_kind(names: Sequence[str] = ROBOTS) -> list[Any]:
-    """Return these robots as parameters of a test, those not in `KINDS` with the mark `soak`."""
-    return [
-        pytest.param(name, marks=() if name in KINDS else pytest.mark.soak) for name in names]
 
 
 def must_have_everything() -> bool:
@@ -77,7 +51,7 @@ def missing(reason: str) -> NoReturn:
 
 
 def robot_path(name: str) -> Path:
-    """Return the path of the URDF of one of `ROBOTS`; skip the test if it is not installed."""
+    """Return the path of the URDF of a robot; skip the test if it is not installed."""
     for directory in robot_directories():
         path = directory / _FILES[name]
         if path.is_file():
@@ -86,7 +60,7 @@ def robot_path(name: str) -> Path:
 
 
 def arm_without_gripper(name: str) -> ArmModel:
-    """Return `default` or one of `ROBOTS`, without the joints of a gripper."""
+    """Return `default` or another robot, without the joints of a gripper."""
     return load_arm(robot_urdf(name), JOINTS.get(name, ()))
 
 
@@ -97,7 +71,7 @@ def effort_limit(arm: ArmModel) -> FloatArray:
 
 
 def robot_urdf(name: str) -> str:
-    """Return the URDF of `default` or of one of `ROBOTS`; skip the test if it is missing."""
+    """Return the URDF of `default` or of another robot; skip the test if it is missing."""
     if name == 'default':
         return default_arm_urdf()
     return robot_path(name).read_text(encoding='utf-8')

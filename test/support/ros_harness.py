@@ -45,15 +45,6 @@ MUJOCO_ARM = 'robot_dynamics_tools.mujoco.mujoco_arm'
 MONITOR = 'robot_dynamics_tools.monitor.node'
 UNHURRIED = {'state_timeout': 60.0, 'state_max_age': 0.0}
 """Timeouts for a test that publishes joint states itself, not in lock-step, on a busy machine."""
-EXACT = {
-    'condition_references': False, 'scale_gains': False, 'following_error_limit': [0.0],
-    'overspeed_factor': 0.0, 'ramp_time': 0.05, 'effort_rate_limit': 1e9}
-"""
-Parameters with which the command is the control law for the reference as sent, at any state rate.
-
-Only for tests that compare a command with the formula of the law, or send a reference that
-conditioning would change. All other tests run what users run.
-"""
 NO_SHARED_MEMORY = {
     'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET', 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
 """

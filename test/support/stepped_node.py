@@ -32,8 +32,7 @@ class SteppedNode:
     def __init__(self, process: OwnProcess) -> None:
         self.namespace = process.namespace
         self.node = process.dynamics(
-            robot_description=chain(JOINTS), effort_check=False, state_timeout=60.0,
-            state_max_age=60.0)
+            robot_description=chain(JOINTS), state_timeout=60.0, state_max_age=60.0)
         self._stamp = time.time_ns()
         self._data = bytearray(serialize_message(
             JointState(name=NAMES, position=[0.1] * JOINTS, velocity=[0.0] * JOINTS)))

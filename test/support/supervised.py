@@ -32,7 +32,7 @@ RELEASE, RELEASE_NOW = Ending(Kind.RELEASE, 'words'), Ending(Kind.RELEASE_NOW, '
 
 
 def limits(rate: float = RATE, reach: float = np.inf, velocity: float = np.inf) -> EffortLimits:
-    return EffortLimits(np.full(2, -reach), np.full(2, reach), np.full(2, velocity), 0.01, rate)
+    return EffortLimits(np.full(2, -reach), np.full(2, reach), np.full(2, velocity), rate)
 
 
 def make(

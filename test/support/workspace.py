@@ -18,7 +18,6 @@ PACKAGES = ('robot_dynamics', 'robot_dynamics_interfaces', 'robot_dynamics_tools
 SEARCH_PATHS = ('AMENT_PREFIX_PATH', 'CMAKE_PREFIX_PATH', 'COLCON_PREFIX_PATH', 'LD_LIBRARY_PATH',
                 'PATH', 'PYTHONPATH')
 PROGRAMS = {
-    'python': [sys.executable],
     'colcon': [sys.executable, '-m', 'colcon'],
     'rosdep': [sys.executable, '-c', 'from rosdep2.main import rosdep_main; rosdep_main()']}
 """The programs of this interpreter; those on the PATH may be of another one."""
@@ -67,12 +66,10 @@ class Workspace:
         if shutil.which('ninja'):
             self.environment['CMAKE_GENERATOR'] = 'Ninja'
 
-    def run(
-        self, command: str, *more: str, **variables: str,
-    ) -> 'subprocess.CompletedProcess[str]':
+    def run(self, command: str, *more: str) -> 'subprocess.CompletedProcess[str]':
         """Return the result of a documented command line with further arguments."""
         program, *arguments = command.split()
         return children.run(
             [*PROGRAMS[program], *arguments, *more], cwd=self.directory, text=True,
-            timeout=children.LONG, env={**self.environment, **variables}, stdout=subprocess.PIPE,
+            timeout=children.LONG, env=self.environment, stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import TrajectoryError
-from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
 from sampled_segment import sample_segment

@@ -35,8 +35,7 @@ LOOP = 'form a closed loop that hangs on no root, expected a tree'
 XACRO = 'expected the URDF that the program xacro makes of it'
 
 REFUSALS = [
-    ('', ' is empty, expected the XML of a URDF'),
-
+    (' \n ', ' is empty, expected the XML of a URDF'),
     ('<sdf version="1.6"/>', ' has the root element <sdf>, expected <robot>'),
     (robot(''), ": robot 'bot' has no links, expected at least two"),
     (robot(LINKS + JOINT.replace('name="turn" ', '')), ': a <joint> has no name'),
@@ -104,9 +103,10 @@ def test_message_on_an_element_of_a_joint(element, words):
     (f'<mass value="1 kg"/>{INERTIA}', "value='1 kg', expected a number"),
     (INERTIA, 'mass is nan, expected a number >= 0'),
     (f'<mass value="-2"/>{INERTIA}', 'mass is -2, expected a number >= 0'),
+    (f'<mass value="inf"/>{INERTIA}', 'mass is inf, expected a number >= 0'),
     (MASS + INERTIA.replace(' iyz="0"', ''), 'iyz is nan, expected a number'),
     (MASS + INERTIA.replace('izz="1"', 'izz="inf"'), 'izz is inf, expected a number'),
-
+    (MASS + INERTIA.replace('ixx="1"', 'ixx="nan"'), "ixx='nan', expected a number"),
     (f'<origin xyz="0 0"/><mass value="1"/>{INERTIA}',
      "origin: xyz='0 0', expected three numbers"),
 ])
@@ -117,12 +117,9 @@ def test_message_on_an_inertia(inside, words):
 
 @pytest.mark.parametrize(('relations', 'words'), [
     (['joint="ghost"'], " mimics 'ghost', expected one of ['turn', 'other']"),
-
-
     (['joint="third"', 'joint="other"'], " mimics itself, through 'other'"),
     (['joint="turn" multiplier="double"'], ": multiplier='double', expected a number"),
     (['joint="turn" multiplier="inf"'], ': multiplier=inf, expected a finite number'),
-
 ])
 def test_message_on_a_mimic_relation(relations, words):
     assert refusal(mimics(*(f'<mimic {each}/>' for each in relations))) == (

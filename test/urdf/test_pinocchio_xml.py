@@ -8,7 +8,7 @@ from one_joint_urdf import INERTIA, INERTIAL, link_of, mimics
 import pinocchio as pin
 import pytest
 from robot_dynamics.urdf.parser import parse_urdf
-from robots import by_kind, robot_urdf
+from robots import robot_urdf
 
 
 def pinocchio_inertia(xml):
@@ -42,7 +42,8 @@ def test_pinocchio_sees_no_limits_no_mimics_and_one_coordinate_per_joint():
     assert (model.lowerPositionLimit < -1e29).all()
 
 
-@pytest.mark.parametrize('name', by_kind())
+@pytest.mark.parametrize('name', [
+    'ur5', 'panda', 'talos_left_arm', 'tiago_no_hand', 'talos_full_v2', 'pr2'])
 def test_pinocchio_reads_the_same_bodies_from_real_robots(name):
     urdf = robot_urdf(name)
     ours = pin.buildModelFromXML(parse_urdf(urdf).pinocchio_xml)

@@ -2,9 +2,3 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """Scaling of gains by rate, delay and noise of the joint states."""
-
-from robot_dynamics.control.gains.gain_scaling import StableGains
-
-__all__ = [
-    'StableGains',
-]

@@ -16,12 +16,13 @@ a joint has changed by MOVED, a contact has ended or a load pulls: the full gain
 the hold time is HOLD again.
 """
 
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Sequence
 import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.gains.gain_scaling import CROSSOVER, USUAL_FREQUENCY
+from robot_dynamics.control.gains.gain_scaling import CROSSOVER, StableGains, USUAL_FREQUENCY
 
 HALF_WAVES = 8
 SUSTAINED = 0.9
@@ -37,52 +38,23 @@ STEP = 0.7
 LEAST = 0.1
 """Factor of the bandwidth after HALF_WAVES, and the smallest product of these factors."""
 HOLD = 1.0
-LONGEST_HOLD = 60.0
 """[s] without an oscillation, until the full gains are tried again."""
 MOVED = FLOOR * HOLD
 """[rad] or [m]"""
 
-
-class _HalfWaves:
-    """The successive half-waves of the velocity error of one joint."""
-
-    def __init__(self) -> None:
-        self._times: list[float] = []
-        self._peaks: list[float] = []
-        self._is_positive = False
-
-    def restart(self) -> None:
-        """Forget all half-waves."""
-        self._times, self._peaks = [], []
-
-    def take(self, now: float, x: float) -> float:
-        """Take a sample beyond the floor; return the frequency of an oscillation [Hz], or 0."""
-        times, peaks, is_positive = self._times, self._peaks, x > 0.0
-        if times and is_positive == self._is_positive:
-            peaks[-1] = max(peaks[-1], abs(x))
-            return 0.0
-        self._is_positive = is_positive
-        if times and not 0.0 < now - times[-1] < LONGEST:
-            self.restart()
-        found, half = 0.0, HALF_WAVES // 2
-        if len(times) == HALF_WAVES:
-            if sum(peaks[half:]) >= SUSTAINED * sum(peaks[:half]):
-                found = half / (now - times[0])
-            del times[0], peaks[0]
-        self._times.append(now)
-        self._peaks.append(abs(x))
-        return found
+_Waves = deque[tuple[float, float]]
+"""The time [s] and the peak of successive half-waves of one joint."""
 
 
 class Oscillation:
     """The common factor of the bandwidth of all joints, which oscillations lower."""
 
-    def __init__(self, joint_names: Sequence[str], noise: Callable[[], FloatArray]) -> None:
-        """`noise` returns the standard deviation (n,) of the noise of the velocities."""
+    def __init__(self, joint_names: Sequence[str], gains: StableGains) -> None:
+        """`gains` have the noise of the velocities."""
         self.factor = 1.0
         """In [LEAST, 1]."""
-        self._names, self._noise, self._cause = joint_names, noise, ''
-        self._joints = [_HalfWaves() for _ in joint_names]
+        self._names, self._gains, self._cause = joint_names, gains, ''
+        self._waves: list[_Waves] = [deque(maxlen=HALF_WAVES) for _ in joint_names]
         self._event, self._hold = 0.0, HOLD
         """Time [s] of the last oscillation, and time after it with lower gains."""
         self._trial, self._calm = -math.inf, 1.0
@@ -96,27 +68,26 @@ class Oscillation:
         if before < 1.0:
             self._restore(now, error)
         if max(x) > FLOOR or min(x) < -FLOOR:
-            noise = (NOISE_FACTOR * self._noise()).tolist()
-            for name, joint, one, least in zip(self._names, self._joints, x, noise):
-                if abs(one) > max(FLOOR, least) and (frequency := joint.take(now, one)):
+            noise = (NOISE_FACTOR * self._gains.noise).tolist()
+            for name, waves, one, least in zip(self._names, self._waves, x, noise):
+                if abs(one) > max(FLOOR, least) and (frequency := _sustained(waves, now, one)):
                     self._cause = f'{name!r} oscillated with {frequency:.0f} Hz'
-                    self._lower(now, error)
+                    self._event, self._error = now, error
+                    self._lower(now)
                     break
         return self.factor != before
 
-    def _lower(self, now: float, error: FloatArray) -> None:
+    def _lower(self, now: float) -> None:
         lower = STEP * self.factor
         if self.factor == 1.0:
-            self._hold = min(2.0 * self._hold, LONGEST_HOLD)
+            self._hold = 2.0 * self._hold
             if 0.0 <= now - self._trial < self._hold:
                 lower = self._calm
             else:
                 self._hold = HOLD
-        self._event, self._error = now, error
-        if lower >= LEAST:
-            self.factor = lower
-        for joint in self._joints:
-            joint.restart()
+        self.factor = lower if lower >= LEAST else self.factor
+        for waves in self._waves:
+            waves.clear()
 
     def _restore(self, now: float, error: FloatArray) -> None:
         """Try the full gains again if it is time, or if a joint has left its position."""
@@ -129,3 +100,21 @@ class Oscillation:
         """Return which joint oscillated, and the factor; '' with full gains."""
         return '' if self.factor == 1.0 else (
             f'{self._cause}: all gains are at {self.factor:.2f} of their bandwidth')
+
+
+def _sustained(waves: _Waves, now: float, x: float) -> float:
+    """Take a sample beyond the floor; return the frequency of an oscillation [Hz], or 0."""
+    begin, peak = waves[-1] if waves else (now, 0.0)
+    if x * peak > 0.0:
+        waves[-1] = begin, max(peak, x, key=abs)
+        return 0.0
+    if not 0.0 < now - begin < LONGEST:
+        waves.clear()
+    found, half = 0.0, HALF_WAVES // 2
+    if len(waves) == HALF_WAVES:
+        first = waves[0][0]
+        peaks = [abs(one) for _, one in waves]
+        if sum(peaks[half:]) >= SUSTAINED * sum(peaks[:half]):
+            found = half / (now - first)
+    waves.append((now, x))
+    return found

@@ -35,6 +35,7 @@ def rest_stiffness(controller: Controller) -> RestStiffness | None:
         return None
     friction = controller.dynamics.arm.friction
     F_s = friction.at_rest.static
-    spring = F_s / friction.tracking_width if controller.laws.compensates_at_rest else 0.0
+    is_compensated = controller.options.friction_compensation == 'reference'
+    spring = F_s / friction.tracking_width if is_compensated else 0.0
     with np.errstate(divide='ignore', invalid='ignore'):
         return RestStiffness(K, np.where(F_s > 0.0, F_s / (K + spring), np.nan))

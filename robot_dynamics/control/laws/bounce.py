@@ -25,8 +25,6 @@ MEMORY, FORGOTTEN = 0.08, 0.5
 """[s] after an impact without damping towards the surface, and until that surface is forgotten."""
 UNEXPLAINED = 1.5
 """Change of the velocity by that of the feedback, at least, in an impact."""
-SAME = 0.7
-"""Cosine between the impulses of two impacts on the same surface, at least."""
 IMPACTS = 3
 """On the same surface without others: noise of the velocity looks like impacts on any surface."""
 
@@ -65,7 +63,7 @@ class Bounce:
         size = math.sqrt(float(impulse @ unexplained))
         if size > UNEXPLAINED * math.sqrt(float(explained @ M @ explained)):
             is_same = stamp_ns - self._impact_ns < 1e9 * FORGOTTEN and bool(
-                impulse @ self._direction > SAME * size)
+                impulse @ self._direction > 0.0)
             self._count = self._count + 1 if is_same else 1
             self._direction, self._impulse = unexplained / size, impulse / size
             self._impact_ns = stamp_ns

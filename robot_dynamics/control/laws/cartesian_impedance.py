@@ -22,20 +22,25 @@ A K Aᵀ + ω_n² N = V Ω² Vᵀ contains the double diagonalisation of Λ and 
 because Λ⁻¹ = AᵀA, and the same for the posture. D = 2 ζ L V min(Ω, Ω_c) Vᵀ Lᵀ with
 Ω ≥ LEAST_FREQUENCY damps each direction for itself, and C = L V min(1, Ω_c²/Ω²) Vᵀ L⁻¹ slows down
 the fast ones. A joint that approaches a position limit faster than its reference, and faster than
-the limit is away, is braked, and so is one that is faster than its reference and than SPEED_SHARE
-of its velocity limit (`_braked`). While the arm bounces off a surface, the approach is not damped
+the limit is away, is braked, and so is one that is faster than its reference and than references
+may be (`_braked`). While the arm bounces off a surface, the approach is not damped
 (`bounce`).
 """
+
+from dataclasses import replace
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws.bounce import Bounce
-from robot_dynamics.control.laws.control_law import LawInput
+from robot_dynamics.control.laws.control_law import LawInput, LawParameter, LawTopic
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.modal_impedance import ModalImpedance, root_of
-from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.control.options import ControllerOptions, LawOptions
+from robot_dynamics.control.pose_reference import follow_pose, FRAME, frame_name
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+from robot_dynamics.references.motion_limits import FRACTION
+from robot_dynamics.task_space.frame_kinematics import FrameKinematics
 
 LARGEST_DISTANCE, LARGEST_ANGLE, LARGEST_POSTURE = 0.1, 0.5, 0.5
 """[m], [rad], and [rad] or [m] of all joints together: the springs do not extend further."""
@@ -43,8 +48,6 @@ LENGTH, SINGULAR = 0.25, 0.1
 """[m] that weighs as much as 1 rad, and σ_0 [rad/rad] or [rad/m]."""
 LIMIT_MARGIN, LIMIT_SHARE = 0.05, 0.1
 """[rad] or [m] before a position limit, at most this share of the range, where a joint stops."""
-SPEED_SHARE = 0.5
-"""Share of the velocity limit above which a push has to overcome the brake."""
 LEAST_FREQUENCY = 2.0
 """[rad/s] at which directions with little stiffness are damped at least."""
 
@@ -52,27 +55,46 @@ LEAST_FREQUENCY = 2.0
 class CartesianImpedance(ModalImpedance):
     """The law τ = M q̈_ref + C q̇ + g + friction + τ_spring + D ė."""
 
-    is_soft = True
+    PARAMETERS = (
+        FRAME,
+        LawParameter('cartesian.translation_stiffness', (500.0,), (
+            'Stiffness [N/m] of cartesian_impedance; one value for all axes or one per axis of '
+            'the base frame.'), entries=('x', 'y', 'z')),
+        LawParameter('cartesian.rotation_stiffness', 30.0, (
+            'Stiffness [N·m/rad] of cartesian_impedance.')),
+        LawParameter('cartesian.damping_ratio', 1.0, (
+            'Damping ratio of cartesian_impedance in each direction, with the inertia in the '
+            'present configuration.'), 0.2, 1e4),
+        LawParameter('cartesian.null_space_frequency', 10.0, (
+            'Natural frequency [rad/s] of the posture of cartesian_impedance, which does not move '
+            'the frame.'), maximum=30.0),
+        LawParameter('cartesian.force_limit', 100.0, (
+            'Largest force [N] of the spring of cartesian_impedance.'), maximum=1e4),
+        LawParameter('cartesian.torque_limit', 30.0, (
+            'Largest torque [N·m] of the spring of cartesian_impedance.'), maximum=1e4),
+    )
+    REFERENCES = (LawTopic('~/pose_reference', 'geometry_msgs/msg/PoseStamped', follow_pose),)
 
-    def __init__(self, feedback: ErrorFeedback, options: ControllerOptions) -> None:
-        """Raise InvalidInputError if the options contain no Cartesian impedance."""
-        cartesian = options.cartesian
-        if cartesian is None:
-            raise InvalidInputError(
-                'cartesian is not given, expected that of make_cartesian for cartesian_impedance')
-        n = len(feedback.gains.kp)
-        super().__init__(feedback, options, np.full(n, cartesian.damping_ratio))
-        self._cartesian, self._frame = cartesian, cartesian.kinematics()
+    @classmethod
+    def options(cls, arm: ArmModel, options: ControllerOptions) -> LawOptions:
+        """Return the options with the frame; raise InvalidInputError also for an unknown one."""
+        frame = frame_name(arm, options.parameters)
+        return super().options(
+            arm, replace(options, parameters={**options.parameters, FRAME.name: frame}))
+
+    def __init__(self, feedback: ErrorFeedback, options: LawOptions) -> None:
+        (frame, translation, rotation, self._ratio, self._null_space_frequency, self._force_limit,
+         self._torque_limit) = options.parameters.values()
+        arm, n = options.arm, options.arm.joint_count
+        super().__init__(feedback, options, np.full(n, self._ratio))
+        self._stiffness = np.array([*translation, rotation, rotation, rotation])
+        self._frame = FrameKinematics(arm, frame)
         self._C = self._posture = self._M = self._inverse = np.zeros((n, n))
         self._brake, self._bounce = np.zeros(n), Bounce(n)
-        limits = cartesian.arm.limits
+        limits = arm.limits
         margin = np.minimum(LIMIT_MARGIN, LIMIT_SHARE * (limits.upper - limits.lower))
         self._lower, self._upper = limits.lower + margin, limits.upper - margin
-        self._fastest = SPEED_SHARE * limits.velocity
-
-    def stiffness(self, M: FloatArray) -> FloatArray:
-        """Return the diagonal of K at the last state; before, that of the closed loop."""
-        return super().stiffness(M) if self._gains_at is None else np.diagonal(self._K)
+        self._fastest = FRACTION * limits.velocity
 
     def gains(
         self, dynamics: UncheckedArmDynamics, q: FloatArray,
@@ -85,8 +107,8 @@ class CartesianImpedance(ModalImpedance):
             J = self._frame.jacobian(q)[2]
             self._inverse, N = inverse, self._null_space(J, inverse)
             A = inverse @ J.T
-            posture = self._cartesian.null_space_frequency**2 * N
-            squares, V = np.linalg.eigh((A * self._cartesian.stiffness) @ A.T + posture)
+            posture = self._null_space_frequency**2 * N
+            squares, V = np.linalg.eigh((A * self._stiffness) @ A.T + posture)
         except np.linalg.LinAlgError:  # the rounding of M, or no finite J
             self._C = self._posture = K = np.full_like(self._K, np.nan)
             return K, K
@@ -96,8 +118,7 @@ class CartesianImpedance(ModalImpedance):
         with np.errstate(divide='ignore'):
             self._C = (Q * np.minimum(1.0, (largest / natural)**2)) @ V.T @ inverse
         self._posture = L @ posture @ L.T
-        damping = 2.0 * self._cartesian.damping_ratio * np.maximum(
-            omega, min(LEAST_FREQUENCY, largest))
+        damping = 2.0 * self._ratio * np.maximum(omega, min(LEAST_FREQUENCY, largest))
         damped = np.einsum('ij,ij->i', inverse.T @ (V * damping), Q)  # diagonal of M⁻¹ D
         self._brake = np.maximum(2.0 * largest - damped, 0.0) / np.einsum(
             'ij,ij->j', inverse, inverse)  # diagonal of M⁻¹
@@ -118,26 +139,23 @@ class CartesianImpedance(ModalImpedance):
     def spring(self, state: LawInput, e: FloatArray) -> FloatArray:
         """Return C (Jᵀ F + the effort of the posture) at an error e (n,) of the joints."""
         J = self._frame.jacobian(state.q)[2]
-        twist, most, K = J @ e, self._cartesian, self._cartesian.stiffness
+        twist, K = J @ e, self._stiffness
         F = np.concatenate([
-            _at_most(most.force_limit, K[:3] * _at_most(LARGEST_DISTANCE, twist[:3])),
-            _at_most(most.torque_limit, K[3:] * _at_most(LARGEST_ANGLE, twist[3:]))])
+            _at_most(self._force_limit, K[:3] * _at_most(LARGEST_DISTANCE, twist[:3])),
+            _at_most(self._torque_limit, K[3:] * _at_most(LARGEST_ANGLE, twist[3:]))])
         return np.asarray(self._C @ (J.T @ F + self._posture @ _at_most(LARGEST_POSTURE, e)))
 
     def damper(
         self, state: LawInput, e: FloatArray, e_dot: FloatArray, spring: FloatArray,
     ) -> FloatArray:
         """Return D ė without the approach of a surface off which the arm bounces, and brakes."""
-        damper = np.asarray(self._D @ e_dot)
-        bounce = self._bounce
+        damper, bounce = np.asarray(self._D @ e_dot), self._bounce
         bounce.take(
             state.stamp_ns, state.v, e_dot, self._M,
             lambda: self._inverse.T @ (self._inverse @ (spring + damper)))
-        self.bounces = bounce.is_near
-        if self.bounces:
-            return np.asarray(
-                self._D @ (e_dot + bounce.approach(state.v)) + self._braked(state, e, e_dot))
-        return np.asarray(damper + self._braked(state, e, e_dot))
+        self.is_in_contact = bounce.is_near
+        return np.asarray(
+            self._D @ (e_dot + bounce.approach(state.v)) + self._braked(state, e, e_dot))
 
     def _braked(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray:
         """

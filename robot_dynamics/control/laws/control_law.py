@@ -4,27 +4,76 @@
 """
 The interface of control laws, and the simplest law: gravity compensation.
 
-A law states its effort and its closed loop. Everything else is common to all laws and is done by
-the controller: scaling of the gains, effort limits, efforts that the robot adds on its own,
-references, stops, faults.
+A law states its effort and its closed loop, its parameters and its topics. Everything else is
+common to all laws and is done by the controller: scaling of the gains, effort limits, efforts that
+the robot adds on its own, references, stops, faults.
 """
 
-from collections.abc import Callable, Mapping
-from functools import cache, partial
-from importlib import metadata
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.laws.error_feedback import ErrorFeedback
-from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
-from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Tracking
+from robot_dynamics.control.options import ControllerOptions, LawOptions
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.validation import check_per_joint, check_scalar, is_empty, LARGEST_VALUE
 
-ENTRY_POINTS = 'robot_dynamics.control_laws'
-"""Group of the entry points of further laws."""
+
+class LawParameter(NamedTuple):
+    """
+    A parameter of a law, by the name that it has at the node.
+
+    `default` is a text, a number, or the numbers of an array. An array has one value for all
+    `entries`, by default the joints, or one per entry; an empty one is the default. `minimum` and
+    `maximum` apply to each number.
+    """
+
+    name: str
+    default: str | float | tuple[float, ...]
+    description: str
+    minimum: float = 0.0
+    maximum: float = LARGEST_VALUE
+    entries: tuple[str, ...] = ()
+
+    @property
+    def is_per_joint(self) -> bool:
+        """Whether the parameter has one value per joint."""
+        return isinstance(self.default, tuple) and not self.entries
+
+    def checked(self, value: Any, joint_names: Sequence[str]) -> Any:
+        """
+        Return a text, a number, or an array with one value per entry, None if it has no default.
+
+        Raises InvalidInputError, which names the parameter, for an invalid value.
+        """
+        if isinstance(self.default, str):
+            return value
+        if not isinstance(self.default, tuple):
+            return check_scalar(self.name, value, self.minimum, self.maximum)
+        value = self.default if is_empty(value) else value
+        if is_empty(value):
+            return None
+        entries = self.entries or joint_names
+        values = check_per_joint(self.name, value, entries)
+        for entry, one in zip(entries, values):
+            check_scalar(f'{self.name} of {entry!r}', one, self.minimum, self.maximum)
+        return values
+
+
+class LawTopic(NamedTuple):
+    """
+    A topic to which the node subscribes for a law, such as `~/force_feedback`.
+
+    `message_type` is a name such as `sensor_msgs/msg/JointState`; `take` gets each message.
+    """
+
+    name: str
+    message_type: str
+    take: Callable[[Any, Any], Any]
 
 
 class LawInput(NamedTuple):
@@ -68,27 +117,19 @@ class LawInput(NamedTuple):
         """Reference minus measured velocity."""
         return np.asarray(self.reference.velocity - self.v)
 
-    @property
-    def exceeds_limit(self) -> bool:
-        """Whether the following error of a joint exceeds its limit."""
-        return self.trajectory is not None and bool(
-            (np.abs(self.position_error) > self.feedback.largest_error).any())
-
 
 class LawOutput(NamedTuple):
     """
-    An effort (n,) [N·m] or [N] before any limit, and its parts.
+    An effort (n,) [N·m] or [N] before any limit.
 
-    `terms()` returns the terms, which sum to `effort`. `friction` (n,) is the part of `effort`
-    that compensates friction. `exceeds_limit` is true if the following error of a joint exceeds
-    its limit. `gravity` (n,) is g(q) if the law has computed it. `scale` is the smallest factor by
-    which the law itself has scaled its gains down.
+    `friction` (n,) is the part of `effort` that compensates friction. `tracking` has the errors
+    along a reference. `gravity` (n,) is g(q) if the law has computed it. `scale` is the smallest
+    factor by which the law itself has scaled its gains down.
     """
 
     effort: FloatArray
-    terms: Callable[[], EffortTerms]
     friction: FloatArray
-    exceeds_limit: bool = False
+    tracking: Tracking | None = None
     gravity: FloatArray | None = None
     scale: float = 1.0
 
@@ -104,10 +145,29 @@ class ControlLaw:
 
     follows: ClassVar[bool] = True
     """Whether the law follows references."""
-    bounces: bool = False
-    """Whether the arm bounces off a surface: the changes of its velocity are no noise."""
+    PARAMETERS: ClassVar[tuple[LawParameter, ...]] = ()
+    """Parameters that the node declares for the law; a new value makes a new law."""
+    TOPICS: ClassVar[tuple[LawTopic, ...]] = ()
+    """Topics whose messages `take(law, message)` gets between two states, while it is in use."""
+    REFERENCES: ClassVar[tuple[LawTopic, ...]] = ()
+    """Topics of which `take(controller, message)` returns the trajectory that the node follows."""
+    is_in_contact: bool = False
+    """Whether the arm bounces off a surface: neither noise nor an oscillation of the loop."""
     scale: FloatArray | float = 1.0
     """Factors s (n,) of the bandwidth, set by the controller: stiffness s² K, damping s D."""
+
+    @classmethod
+    def options(cls, arm: ArmModel, options: ControllerOptions) -> LawOptions:
+        """
+        Return the options for an arm with which the law is made.
+
+        Raises InvalidInputError for a wrong value of a parameter.
+        """
+        given = options.parameters
+        values = {
+            one.name: one.checked(given.get(one.name, one.default), arm.joint_names)
+            for one in cls.PARAMETERS}
+        return LawOptions(**{**vars(options), 'parameters': values, 'arm': arm})
 
     def effort(self, state: LawInput) -> FloatArray:
         """Return the effort (n,) [N·m] or [N] for a state; multiply gains by s² and s."""
@@ -129,10 +189,6 @@ class ControlLaw:
         """Scale the bandwidth by these factors (n,) in (0, 1] from now on."""
         self.scale = scale
 
-    def feel(self, external: FloatArray, stamp_ns: int) -> None:
-        """Take the external effort (n,) [N·m] or [N] of a follower at a stamp."""
-        return
-
     def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:
         """
         Take the rate limit of the effort, which a law may regard for large errors.
@@ -144,21 +200,9 @@ class ControlLaw:
 
     def __call__(self, state: LawInput) -> LawOutput:
         """Return the effort for a state with its parts."""
-        effort = self.effort(state)
-        return LawOutput(
-            effort, partial(_terms_of_effort, state, effort), np.zeros_like(effort),
-            state.exceeds_limit)
-
-
-LawFactory = Callable[[ErrorFeedback, ControllerOptions], ControlLaw]
-"""Makes a law with the gains of the options; a class of laws is one."""
-
-
-def _terms_of_effort(state: LawInput, effort: FloatArray) -> EffortTerms:
-    """Return the terms of an effort: the feedback is part of the term `inertial`."""
-    a = state.dynamics.rigid_body.forward_dynamics(state.q, state.v, effort)
-    return equation_terms(
-        state.dynamics, state.q, state.v, a, np.zeros_like(effort), state.gravity)
+        effort, trajectory = self.effort(state), state.trajectory
+        return LawOutput(effort, np.zeros_like(effort), None if trajectory is None else (
+            state.feedback.track(trajectory, state.stamp_ns, state.q, state.v)))
 
 
 class GravityCompensation(ControlLaw):
@@ -173,45 +217,4 @@ class GravityCompensation(ControlLaw):
     def __call__(self, state: LawInput) -> LawOutput:
         """Return g(q)."""
         gravity = state.gravity
-        return LawOutput(
-            gravity, partial(self._terms, state, gravity), self._zero, False, gravity)
-
-    def _terms(self, state: LawInput, gravity: FloatArray) -> EffortTerms:
-        terms = equation_terms(
-            state.dynamics, state.q, self._zero, self._zero, self._zero, gravity)
-        return terms._replace(
-            kinetic_energy=state.dynamics.rigid_body.kinetic_energy(state.q, state.v))
-
-
-@cache
-def further_laws() -> Mapping[str, Any]:
-    """Return the entry points of laws in other packages, by name."""
-    return {one.name: one for one in metadata.entry_points(group=ENTRY_POINTS)}
-
-
-def load_law(name: str) -> LawFactory:
-    """Return the law of an entry point; raise InvalidInputError if it cannot be imported."""
-    try:
-        factory: LawFactory = further_laws()[name].load()
-    except Exception as error:  # any error of another package
-        raise InvalidInputError(
-            f'command is {name!r}, but the control law of that entry point cannot be loaded: '
-            f'{error!r}') from error
-    return factory
-
-
-def equation_terms(
-    dynamics: UncheckedArmDynamics, q: FloatArray, v: FloatArray, a: FloatArray,
-    friction: FloatArray, gravity: FloatArray,
-) -> EffortTerms:
-    """
-    Return the terms of M(q) a + C(q, v) v + g(q) + friction, all arrays (n,).
-
-    `a` is the commanded acceleration, which contains the feedback of position and velocity
-    errors. The feedback is therefore part of the term `inertial`, M(q) a.
-
-    `gravity` replaces g(q) of the same position, because each algorithm of Pinocchio rounds g(q)
-    differently. The terms therefore sum to the effort exactly, to the last bit.
-    """
-    terms = dynamics.terms(q, v, a, friction=friction)
-    return terms._replace(gravity=gravity, effort=terms.effort + (gravity - terms.gravity))
+        return LawOutput(gravity, self._zero, gravity=gravity)

@@ -2,18 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Control laws: gravity compensation and computed torque.
+The feedback of position and velocity errors along a reference.
 
 Source: B. Siciliano et al., *Robotics: Modelling, Planning and Control*, Springer 2009, section
 8.5.2 (inverse dynamics control): with
 τ = M(q)(q̈_ref + K_d ė + K_p e) + C(q, q̇) q̇ + g(q) + friction and an exact model, the error
 e = q_ref − q obeys ë + K_d ė + K_p e = 0 at each joint, independently of the other joints.
-
-Friction is best compensated not at the measured velocity but at that of the reference, and at rest
-in the direction of the error (`JointFriction.tracking_effort`). Compensation at the measured
-velocity, fed back with any delay, accelerates a light joint in its direction of motion, and is
-zero for a joint that sticks. Compensation at the velocity of the reference starts a sticking joint
-if its reference moves, and the uncompensated part of the friction damps the error.
 """
 
 from collections.abc import Sequence
@@ -25,14 +19,17 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray, wrap_angle, wrap_to_pi
+from robot_dynamics.control.gains.gain_scaling import USUAL_FREQUENCY
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Segment
-from robot_dynamics.validation import check_per_joint, is_empty, LARGEST_VALUE
+from robot_dynamics.validation import check_per_joint, LARGEST_VALUE
 
-DEFAULT_NATURAL_FREQUENCY = 20.0
+DEFAULT_NATURAL_FREQUENCY = USUAL_FREQUENCY
 """[rad/s]"""
 DEFAULT_DAMPING_RATIO = 1.0
+LEAST_DAMPING = 0.3
+"""Damping ratio below which a tracking error oscillates for several periods."""
 LEAST_RATIO = 0.5
 """Damping ratio of scaled gains, at least, unless K_d would have to exceed that without scale."""
 
@@ -62,28 +59,20 @@ def make_gains(
     joint_names: Sequence[str],
     natural_frequency: npt.ArrayLike = DEFAULT_NATURAL_FREQUENCY,
     damping_ratio: npt.ArrayLike = DEFAULT_DAMPING_RATIO,
-    kp: npt.ArrayLike = (),
-    kd: npt.ArrayLike = (),
 ) -> Gains:
     """
-    Return gains from ω [rad/s] and ζ per joint (K_p = ω², K_d = 2 ζ ω), or from K_p and K_d.
+    Return gains from ω [rad/s] and ζ per joint: K_p = ω², K_d = 2 ζ ω.
 
-    Each is one number for all joints, or one value per joint; `kp` and `kd` take precedence if
-    they are given. Raises InvalidInputError for another number of values, for a negative value or
-    one beyond LARGEST_VALUE, for a K_p without damping (K_d = 0), and for a K_d so small that
-    K_p/K_d exceeds LARGEST_VALUE.
+    Each is one number for all joints, or one value per joint. Raises InvalidInputError for another
+    number of values, a negative value or one beyond LARGEST_VALUE, and a ζ below LEAST_DAMPING.
     """
     omega = per_joint('gains.natural_frequency', natural_frequency, joint_names)
     zeta = per_joint('gains.damping_ratio', damping_ratio, joint_names)
-    gains = Gains(
-        per_joint('gains.kp', kp, joint_names) if not is_empty(kp) else omega**2,
-        per_joint('gains.kd', kd, joint_names) if not is_empty(kd) else 2.0 * zeta * omega)
-    for name, K_p, K_d in zip(joint_names, gains.kp, gains.kd):
-        if K_p > LARGEST_VALUE * K_d:
-            raise InvalidInputError(
-                f'gains.kd of {name!r} is {K_d:g} with gains.kp {K_p:g}, expected damping: at '
-                f'least 1/{LARGEST_VALUE:g} of gains.kp, or gains.damping_ratio above 0')
-    return gains
+    if (zeta < LEAST_DAMPING).any():
+        raise InvalidInputError(
+            f'gains.damping_ratio is {zeta.tolist()}, expected at least {LEAST_DAMPING:g}: the '
+            'tracking error would oscillate')
+    return Gains(omega**2, 2.0 * zeta * omega)
 
 
 def per_joint(field: str, value: npt.ArrayLike, joint_names: Sequence[str]) -> FloatArray:
@@ -182,11 +171,9 @@ class ErrorFeedback:
             e[self._continuous] = wrap_to_pi(e[self._continuous])
         return e
 
-    def worst_error(
-        self, reference: FloatArray, q: FloatArray, joint_names: Sequence[str],
-    ) -> str:
-        """Return which position error is the largest relative to its limit, with both values."""
-        limit, e = self.largest_error, self.position_error(reference, q)
+    def worst_error(self, e: FloatArray, joint_names: Sequence[str]) -> str:
+        """Return which position error (n,) is the largest by its limit, with both values."""
+        limit = self.largest_error
         j = int(np.argmax(np.abs(e) / limit))
         return (f'position of {joint_names[j]!r} is {abs(e[j]):.3g} from its reference, '
                 f'expected at most {limit[j]:.3g} (following_error_limit)')

@@ -14,20 +14,26 @@ takes out of the tank what it gives, and ends when the tank is empty.
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
 
+LIMIT_SHARE, UNLIMITED = 0.25, 1.0
+"""The largest force by the effort limit, and of a joint without one [N·m] or [N]."""
 RETURNED = 0.5
 """The rest covers the energy that a force gives while it acts late."""
 RESERVE_WAY = 0.05
 """[rad] or [m] of motion at the largest force whose energy a tank holds at most."""
-DELAY = 0.016
+DELAY = 2.0 * LOOP_DELAY
 """[s] until a force ends, in addition to a period of the joint states."""
 
 
 class ForceFeedback:
-    """The force of n joints, at most `limit` (n,) [N·m] or [N]."""
+    """The force of n joints."""
 
-    def __init__(self, gain: FloatArray, limit: FloatArray) -> None:
-        self._gain, self._limit = gain, limit
+    def __init__(self, gain: FloatArray, effort_limit: FloatArray) -> None:
+        """`effort_limit` (n,) [N·m] or [N] is infinite for no limit."""
+        self._gain = gain
+        self._limit = np.where(
+            np.isfinite(effort_limit), LIMIT_SHARE * effort_limit, UNLIMITED)
         self.restart()
 
     def restart(self) -> None:

@@ -14,7 +14,7 @@ spring, M K_p e, and a joint that returns receives no energy of it. K_p and K_d 
 computed torque, scaled by rate and noise of the joint states.
 
 Only a person starts or keeps a motion. With the power P_f of the known friction, of which the true
-one is at least the share λ = LARGEST_SHARE, and u = τ − g, a person supplies at least
+one is at least the share λ, and u = τ − g, a person supplies at least
 
     P = d(½ q̇ᵀ M' q̇)/dt + σ (λ P_f − uᵀ q̇),  M' = M + usual rotors
 
@@ -40,22 +40,39 @@ its limit. g and M are those of the position q + q̇ (T + LOOP_DELAY)/2 when the
 on average (`gain_scaling`): late gravity is negative damping, and accelerates light wrists.
 """
 
-from functools import partial
 import math
+from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
-from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
+from robot_dynamics.control.gate import LOST
+from robot_dynamics.control.laws.computed_torque import REVERSAL_TIME
+from robot_dynamics.control.laws.control_law import (
+    ControlLaw,
+    LawInput,
+    LawOutput,
+    LawParameter,
+    LawTopic,
+)
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.force_feedback import ForceFeedback
-from robot_dynamics.control.laws.guiding import LARGEST_SHARE
-from robot_dynamics.control.laws.rate_limited_feedback import REVERSAL_TIME
-from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.control.options import LawOptions
 from robot_dynamics.joints.friction import JointFriction
-from robot_dynamics.model.arm_dynamics import EffortTerms
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.references.motion_limits import FRACTION
+from robot_dynamics.validation import check_named, LARGEST_VALUE
 
+SHARE = LawParameter('hand_guiding.friction_share', (0.6,), (
+    'Share of friction that hand_guiding compensates; one value for all joints or one per joint.'),
+    maximum=0.7)
+"""At most λ: below 1 of friction that is given 1.4 times too large."""
+USUAL_SPEED, USUAL_TURN = 0.25, 1.0
+"""Largest default speed limit of prismatic joints [m/s], and of others [rad/s]."""
+ROTOR = 200.0
+"""Effort limit by the usual rotor [rad/s²] or [m/s²]: 145 at a Panda, 330 at a UR10."""
+DEVIATIONS = 2.0
+"""Standard deviations by which the force of a follower is reduced: they may be none."""
 INERTIA = 0.6
 """σ: M' by the true one, at least. A hand that slows the arm feels at most M' q̈ (1/σ − 1)."""
 CAPACITY = 0.03
@@ -64,8 +81,6 @@ STOPPING = 0.6
 """[s]: with the time in which the tank empties, a released arm stands within 1 s."""
 FULL_SPEED = 0.05
 """v_d [rad/s] or [m/s]."""
-SLOWNESS = 0.02
-"""Time constant [s] of the velocity at which viscous friction is compensated."""
 MASS_ERROR, LEAST_SHARE = 0.07, 0.42
 PLAY, FAR = 0.03, 0.04
 """Ways [rad] or [m] after which the compensation up to LEAST_SHARE begins and is complete."""
@@ -78,8 +93,6 @@ WALL_PUSH, LARGEST_WALL = 10.0, 0.1
 begins less than this distance [rad] before it."""
 LEAST_FREE = 0.1
 """Share of the effort limit with which a joint is braked although gravity needs its limit."""
-FEEDBACK_TIME_NS = 50_000_000
-"""[ns] for which a force feedback is felt without a newer one."""
 LONGEST_STEP = 0.1
 """[s] between two states after which the motion between them is unknown."""
 
@@ -88,84 +101,105 @@ class HandGuiding(ControlLaw):
     """The law τ = g + α τ_f + M K_d (q̇_a − q̇) + f, without a reference."""
 
     follows = False
+    PARAMETERS = (
+        SHARE,
+        LawParameter('hand_guiding.speed', (), (
+            'Speed [rad/s] or [m/s] above which hand_guiding brakes a joint; one value for all '
+            'joints or one per joint. If empty, half of the velocity limit, at most 1 rad/s or '
+            '0.25 m/s.'), maximum=1e8),
+        LawParameter('hand_guiding.feedback_gain', (0.3,), (
+            'Share of the effort on ~/force_feedback that hand_guiding lets feel; one value for '
+            'all joints or one per joint.'), maximum=0.5),
+    )
 
-    def __init__(self, feedback: ErrorFeedback, options: ControllerOptions) -> None:
-        """Raise InvalidInputError if the options contain no guiding."""
-        if options.guiding is None:
-            raise InvalidInputError(
-                'guiding is not given, expected that of make_guiding for hand_guiding')
-        self._guiding, self._gains = options.guiding, feedback.gains
-        self._feedback = ForceFeedback(self._guiding.feedback_gain, self._guiding.feedback_limit)
+    def __init__(self, feedback: ErrorFeedback, options: LawOptions) -> None:
+        share, speed, gain = options.parameters.values()
+        arm, limits = options.arm, options.arm.limits
+        self._names, self._gains, self._friction_share = arm.joint_names, feedback.gains, share
+        self._speed = _usual_speed(arm) if speed is None else speed
+        self._lower, self._upper = np.clip(
+            (limits.lower, limits.upper), -LARGEST_VALUE, LARGEST_VALUE)
+        is_limited = np.isfinite(limits.effort)
+        self._rotors = np.where(
+            is_limited & (arm.reflected_inertia == 0.0), limits.effort / ROTOR, 0.0)
+        self._feedback = ForceFeedback(gain, limits.effort)
         self._last: tuple[int, FloatArray] | None = None
-        self._zero = np.zeros(len(self._gains.kp))
+        self._zero = np.zeros(arm.joint_count)
         self._reversible = 0.5 * REVERSAL_TIME * np.asarray(options.effort_rate)
-        self._z = self._v = self._way = self._external = self._added = self._zero
+        self._z = self._way = self._added = self._zero
+        self._external = self._deviation = self._zero
         self._energy = self._tank = self._allowed_speed = self._slowing = 0.0
         self._felt_until_ns = 0
 
-    def feel(self, external: FloatArray, stamp_ns: int) -> None:
-        """Let a person feel this effort (n,) of a follower for FEEDBACK_TIME_NS."""
-        self._external, self._felt_until_ns = external, stamp_ns + FEEDBACK_TIME_NS
+    def feel(self, external: FloatArray) -> None:
+        """Let a person feel this effort (n,) of a follower until LOST seconds from now."""
+        if self._last is not None:
+            self._external, self._felt_until_ns = external, self._last[0] + round(1e9 * LOST)
 
-    def closed_loop(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return K_p and K_d, which act at a limit."""
-        return np.diag(self._gains.kp), np.diag(self._gains.kd)
+    def take_force(self, message: Any) -> None:
+        """Let a person feel the effort of a message JointState; raise InvalidInputError."""
+        effort = self._efforts(message)
+        least = DEVIATIONS * self._deviation
+        self.feel(np.sign(effort) * np.maximum(np.abs(effort) - least, 0.0))
+
+    def take_deviation(self, message: Any) -> None:
+        """Reduce the next forces by those of a message JointState; raise InvalidInputError."""
+        self._deviation = np.abs(self._efforts(message))
+
+    def _efforts(self, message: Any) -> FloatArray:
+        return check_named('effort', message.effort, message.name, self._names)
+
+    TOPICS = (
+        LawTopic('~/force_feedback', 'sensor_msgs/msg/JointState', take_force),
+        LawTopic('~/force_feedback_deviation', 'sensor_msgs/msg/JointState', take_deviation))
 
     def __call__(self, state: LawInput) -> LawOutput:
-        """Return the effort; without a velocity, g(q)."""
+        """Return the effort; at a first state, g(q)."""
         moved, dt = self._moved(state)
-        dynamics, zero = state.dynamics, self._zero
-        friction, remaining, f = zero, zero, zero
-        if state.v is None or dt == 0.0:
+        dynamics, friction, remaining = state.dynamics, self._zero, self._zero
+        if dt == 0.0:
             gravity = state.gravity
-            return LawOutput(gravity, partial(
-                self._terms, state, gravity, zero, zero, zero), zero, False, gravity)
+            return LawOutput(gravity, friction, gravity=gravity)
         v = _slower(state.v, moved / dt)
         state = state._replace(q=state.q + 0.5 * (dt + LOOP_DELAY) * v)
         gravity, allowed = state.gravity, self._allowed(state.q)
         if not dynamics.is_frictionless:
-            friction, remaining = self._friction(state, gravity, moved, dt, *allowed)
+            friction, remaining = self._friction(
+                dynamics.friction, v, gravity, moved, dt, *allowed)
         M = dynamics.rigid_body.mass_matrix(state.q)
-        energy = 0.5 * float(v @ M @ v + self._guiding.rotors @ v**2)
+        energy = 0.5 * float(v @ M @ v + self._rotors @ v**2)
         excess = self._excess(v, energy, dynamics.friction, dt)
         friction = (1.0 - excess) * friction
         damping = excess * np.min(self.scale * self._gains.kd)
-        a = self._braking(state, v, *allowed) - damping * v
+        brake = M @ (self._braking(dynamics.friction, v, *allowed) - damping * v)
         effort = gravity + friction
-        if a.any():
-            brake = M @ a
-            share = self._share(brake, effort, dynamics.arm.limits.effort)
-            a, effort = share * a, effort + share * brake
+        if brake.any():
+            effort = effort + brake * self._share(brake, effort, dynamics.arm.limits.effort)
         if state.stamp_ns > self._felt_until_ns:
             self._feedback.restart()
         else:
-            f = self._feedback.effort(self._external, moved, self._v, dt, remaining)
-            effort = effort + f
+            effort = effort + self._feedback.effort(
+                self._external, moved, state.v, dt, remaining)
         self._added = effort - gravity
-        return LawOutput(
-            effort, partial(self._terms, state, gravity, a, friction, f), friction, False,
-            gravity)
+        return LawOutput(effort, friction, gravity=gravity)
 
     def _moved(self, state: LawInput) -> tuple[FloatArray, float]:
         """Return how far the joints have moved since the last state (n,), and in which time."""
         last, self._last = self._last, (state.stamp_ns, state.q)
         dt = 0.0 if last is None else 1e-9 * (state.stamp_ns - last[0])
         if last is None or not 0.0 < dt <= LONGEST_STEP:
-            self._z = self._v = self._way = self._added = self._zero
+            self._z = self._way = self._added = self._zero
             self._energy = self._tank = 0.0
             self._feedback.restart()
             return self._zero, 0.0
-        moved = state.feedback.position_error(state.q, last[1])
-        self._v = self._v + (moved - self._v * dt) / (SLOWNESS + dt)
-        return moved, dt
+        return state.feedback.position_error(state.q, last[1]), dt
 
     def _friction(
-        self, state: LawInput, gravity: FloatArray, moved: FloatArray, dt: float,
-        least: FloatArray, most: FloatArray,
+        self, friction: JointFriction, v: FloatArray, gravity: FloatArray, moved: FloatArray,
+        dt: float, least: FloatArray, most: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """Return the compensation of friction (n,), and the dry friction that remains (n,)."""
-        friction, alpha = state.dynamics.friction, self._guiding.friction_share
-        w = friction.tracking_width
+        alpha, w = self._friction_share, friction.tracking_width
         low = np.clip(least / FULL_SPEED, -1.0, 0.0)
         high = np.clip(most / FULL_SPEED, 0.0, 1.0)
         self._z = np.clip(
@@ -178,7 +212,7 @@ class HandGuiding(ControlLaw):
         direction = np.divide(
             spare * self._z + more * np.clip(beyond, low, high), alpha,
             out=np.zeros_like(alpha), where=alpha > 0.0)
-        compensation = alpha * friction.directed_effort(self._v, direction, direction, gravity)
+        compensation = alpha * friction.directed_effort(v, direction, direction, gravity)
         return compensation, (1.0 - spare - more) * dry
 
     def _excess(
@@ -191,7 +225,7 @@ class HandGuiding(ControlLaw):
         if not known:
             return 0.0
         supplied = energy - last + INERTIA * dt * (
-            LARGEST_SHARE * known - float(self._added @ v))
+            SHARE.maximum * known - float(self._added @ v))
         self._tank = min(max(self._tank + supplied / (CAPACITY * known), 0.0), 1.0)
         x = math.sqrt(2.0 * energy)
         if self._tank == 1.0:
@@ -200,18 +234,18 @@ class HandGuiding(ControlLaw):
         return (1.0 - self._tank) * max(1.0 - self._allowed_speed / x, 0.0)
 
     def _braking(
-        self, state: LawInput, v: FloatArray, least: FloatArray, most: FloatArray,
+        self, friction: JointFriction, v: FloatArray, least: FloatArray, most: FloatArray,
     ) -> FloatArray:
         """Return the acceleration (n,) of joints that are too fast, or have no friction."""
         allowed = np.minimum(np.maximum(v, least), most)
-        damping = np.where(state.dynamics.friction.at_rest.static > 0.0, 0.0, DAMPING)
+        damping = np.where(friction.at_rest.static > 0.0, 0.0, DAMPING)
         return np.asarray(self.scale * self._gains.kd * (allowed - v) - damping * v)
 
     def _share(self, brake: FloatArray, effort: FloatArray, limit: FloatArray) -> float:
         """
         Return the share of the effort `brake` (n,) that limits and rates permit at all joints.
 
-        A part of it at each joint would accelerate others. As in `rate_limited_feedback`, the rate
+        A part of it at each joint would accelerate others. As in `computed_torque`, the rate
         limit can reverse the effort in REVERSAL_TIME. LEAST_FREE is used beyond a limit.
         """
         free = np.maximum(limit - np.where(brake > 0.0, effort, -effort), LEAST_FREE * limit)
@@ -221,24 +255,18 @@ class HandGuiding(ControlLaw):
 
     def _allowed(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the least and the largest allowed velocity (n,) at q."""
-        s, guiding = self.scale, self._guiding
+        s = self.scale
         with np.errstate(divide='ignore'):
             wall = np.minimum(WALL_PUSH / (s * s * self._gains.kp), LARGEST_WALL)
         beta = s * self._gains.ratio
-        return np.maximum(-guiding.speed, beta * (guiding.lower + wall - q)), np.minimum(
-            guiding.speed, beta * (guiding.upper - wall - q))
+        return np.maximum(-self._speed, beta * (self._lower + wall - q)), np.minimum(
+            self._speed, beta * (self._upper - wall - q))
 
-    def _terms(
-        self, state: LawInput, gravity: FloatArray, a: FloatArray, friction: FloatArray,
-        f: FloatArray,
-    ) -> EffortTerms:
-        """Return the terms; braking and the force feedback are part of the term `inertial`."""
-        if f.any():
-            a = a + np.linalg.solve(state.dynamics.rigid_body.mass_matrix(state.q), f)
-        v = state.v if state.v is not None else self._zero
-        terms = equation_terms(state.dynamics, state.q, self._zero, a, friction, gravity)
-        return terms._replace(
-            kinetic_energy=state.dynamics.rigid_body.kinetic_energy(state.q, v))
+
+def _usual_speed(arm: ArmModel) -> FloatArray:
+    """Return the default speed limit (n,) [rad/s] or [m/s]."""
+    largest = [USUAL_SPEED if kind == 'prismatic' else USUAL_TURN for kind in arm.joint_kinds]
+    return np.asarray(np.minimum(FRACTION * arm.limits.velocity, largest))
 
 
 def _slower(v: FloatArray, mean: FloatArray) -> FloatArray:

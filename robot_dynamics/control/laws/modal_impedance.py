@@ -12,49 +12,39 @@ control of redundant robots*, ICRA 2003). Sampled feedback cannot control the fa
 Ω_c = LARGEST_FREQUENCY times the scale of the gains are permitted.
 """
 
-from functools import partial
 import math
-from typing import ClassVar
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
-from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
-from robot_dynamics.control.laws.error_feedback import ErrorFeedback
-from robot_dynamics.control.laws.friction_compensation import FrictionCompensation
-from robot_dynamics.control.laws.rate_limited_feedback import CHANGE_FRACTION, feedback_shares
+from robot_dynamics.control.gains.gain_scaling import CROSSOVER, DELAY_LAG, LOOP_DELAY
+from robot_dynamics.control.laws.computed_torque import CHANGE_FRACTION, FollowingLaw
+from robot_dynamics.control.laws.control_law import LawInput
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Tracking
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
-from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 
-LARGEST_FREQUENCY = 30.0
-"""[rad/s] of the fastest mode, which a loop controls whose effort acts 8 ms late."""
+LARGEST_FREQUENCY = DELAY_LAG / (CROSSOVER * LOOP_DELAY)
+"""30 rad/s, of the fastest mode that a loop controls whose effort acts LOOP_DELAY late."""
 LEAST_INERTIA = 1e-9
 """Share of M_jj, and [kg·m²] or [kg], added to M_jj, which can be 0 without rotors."""
 NEARBY = 0.01
 """[rad] or [m] from the position of the gains in use, within which they are not computed again."""
 
 
-class ModalImpedance(ControlLaw):
+class ModalImpedance(FollowingLaw):
     """A spring and a damper; a subclass defines `gains`, and `spring` if it is not K e."""
-
-    is_soft: ClassVar[bool] = False
-    """Whether q̈_ref is the mean while the effort acts: no stiff spring corrects its errors."""
 
     def __init__(
         self, feedback: ErrorFeedback, options: ControllerOptions, damping_ratio: FloatArray,
     ) -> None:
         """`damping_ratio` (n,) is that of the joints at Ω_c, at most."""
+        super().__init__(feedback.scaled(0.0), options)  # for the reference and the errors
         n = len(damping_ratio)
         self._damping_ratio = damping_ratio
-        self._friction = FrictionCompensation(options.friction_compensation, n)
-        self._reference = feedback.scaled(0.0)
-        """Returns the reference and the errors, without an effort of their own."""
-        self._effort_rate = np.full(n, np.inf)
         self._gains_at: tuple[UncheckedArmDynamics, FloatArray] | None = None
         """The dynamics and the position (n,) of the gains in use."""
-        self._last: tuple[ActiveTrajectory, int] | None = None
-        """The reference at the last state, and its stamp."""
+        self._aim = 0, np.zeros(n)
+        """Time [ns] until which the last effort acts, and the velocity (n,) of the reference."""
         self._K = self._D = np.zeros((n, n))
 
     def gains(
@@ -78,10 +68,6 @@ class ModalImpedance(ControlLaw):
         """Ω_c [rad/s] at the scale of the gains."""
         return LARGEST_FREQUENCY * float(np.min(self.scale, initial=1.0))
 
-    def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:
-        """Limit the change of the feedback to a fraction of the rate limit of the effort."""
-        self._effort_rate = effort_rate
-
     def scale_gains(self, scale: FloatArray) -> None:
         """Scale the largest frequency."""
         super().scale_gains(scale)
@@ -92,65 +78,46 @@ class ModalImpedance(ControlLaw):
         c = LARGEST_FREQUENCY
         return c * c * np.eye(len(M)), np.diag(2.0 * c * self._damping_ratio)
 
-    def __call__(self, state: LawInput) -> LawOutput:
-        """Return the effort of spring and damper, and that of the arm along the reference."""
-        dynamics, q, v, trajectory = state.dynamics, state.q_ahead, state.v, state.trajectory
-        if trajectory is None:
-            raise ValueError('an impedance needs a reference')
-        a_ref, v_ref, e, exceeds_limit, _ = self._reference.track(
-            trajectory, state.stamp_ns, state.q, v)
-        e_dot, s, at = v_ref - v, 1.0, self._gains_at
+    def stiffness(self, M: FloatArray) -> FloatArray:
+        """Return the diagonal of K at the last state; before, that of the closed loop."""
+        return np.diagonal(self._K) if self._K.any() else super().stiffness(M)
+
+    def correct(
+        self, state: LawInput, tracking: Tracking,
+    ) -> tuple[FloatArray, FloatArray | None, float]:
+        """Return q̈_ref, the effort of spring and damper, and the factor s."""
+        dynamics, q, at, s = state.dynamics, state.q_ahead, self._gains_at, 1.0
         if at is None or at[0] is not dynamics or not (
                 math.dist(at[1].tolist(), q.tolist()) <= NEARBY):
-            self._K, self._D = self.gains(dynamics, q)
+            self._K, self._D = K, D = self.gains(dynamics, q)
             self._gains_at = dynamics, q
-        K, D = self._K, self._D
+            self.ratio = np.diagonal(K) / np.maximum(np.diagonal(D), 1e-9)
+        e, e_dot = tracking.error, tracking.velocity - state.v
         spring = self.spring(state, e)
         damper = self.damper(state, e, e_dot, spring)
-        change = (1.0 + 4.0 * self._damping_ratio**2) * (K @ e_dot)  # K ė + D M⁻¹ D ė
-        if not (np.abs(change) <= CHANGE_FRACTION * self._effort_rate).all():
-            share, s = feedback_shares(spring, damper, change, self._effort_rate, e * e_dot)
+        change = (1.0 + 4.0 * self._damping_ratio**2) * (self._K @ e_dot)  # K ė + D M⁻¹ D ė
+        if not (np.abs(change) <= CHANGE_FRACTION * self.effort_rate).all():
+            share, s = self.shares(spring, damper, change, e * e_dot)
             spring, damper = share * spring, s * damper
-        feedback = spring + damper
-        if self.is_soft:
-            last, self._last = self._last, (trajectory, state.stamp_ns)
-            if 2.0 * state.lag > LOOP_DELAY:
-                a_ref = _mean_acceleration(trajectory, state, last)
-        effort = dynamics.rigid_body.inverse_dynamics(q, v, a_ref) + feedback
-        friction = self._friction.none
-        if not dynamics.is_frictionless:
-            damping = np.diagonal(D)
-            rate = np.divide(
-                np.diagonal(K), damping, out=np.zeros_like(e), where=damping > 0.0)
-            friction = self._friction.effort(state, v_ref, e, rate, effort)
-            effort = effort + friction
-        return LawOutput(
-            effort, partial(self._terms, state, a_ref, feedback, friction), friction,
-            exceeds_limit, scale=s)
+        return self._acceleration(state, tracking), spring + damper, s
 
-    def _terms(
-        self, state: LawInput, a_ref: FloatArray, feedback: FloatArray, friction: FloatArray,
-    ) -> EffortTerms:
-        q, v, body = state.q_ahead, state.v, state.dynamics.rigid_body
-        a = a_ref + np.linalg.solve(body.mass_matrix(q), feedback)
-        return equation_terms(state.dynamics, q, v, a, friction, body.gravity(q))
+    def _acceleration(self, state: LawInput, tracking: Tracking) -> FloatArray:
+        """
+        Return the mean of q̈_ref (n,) while the effort acts: no stiff spring corrects its errors.
 
-
-def _mean_acceleration(
-    trajectory: ActiveTrajectory, state: LawInput, last: tuple[ActiveTrajectory, int] | None,
-) -> FloatArray:
-    """
-    Return the mean acceleration (n,) of a reference while the effort of a state acts.
-
-    A set-point since the last state may have changed the reference. The effort before has then
-    accelerated the arm to the velocity of the `last` reference; this one makes up for the rest.
-    """
-    begin, T = state.stamp_ns + round(0.5e9 * LOOP_DELAY), 2.0 * state.lag - LOOP_DELAY
-    before = trajectory
-    if last is not None and trajectory.continues(last[0]):
-        before, T = last[0], max(T, 1e-9 * (state.stamp_ns - last[1]))
-    v = trajectory.sample(begin + round(1e9 * T)).velocity
-    return np.asarray((v - before.sample(begin).velocity) / T)
+        A set-point since the last state may have changed the reference. The effort before has then
+        accelerated the arm to `_aim`, the velocity of the reference at that time; this one makes
+        up for the rest.
+        """
+        trajectory, begin = state.trajectory, self._aim
+        if trajectory is None or not state.lag:
+            return tracking.acceleration
+        end_ns = state.stamp_ns + round(1e9 * (2.0 * state.lag - 0.5 * LOOP_DELAY))
+        self._aim = end_ns, trajectory.sample(end_ns).velocity
+        T, period = 1e-9 * (end_ns - begin[0]), 2.0 * state.lag - LOOP_DELAY
+        if not 0.0 < T < 2.0 * period or trajectory.is_from_measurement:
+            return tracking.acceleration
+        return np.asarray((self._aim[1] - begin[1]) / T)
 
 
 def root_of(M: FloatArray) -> FloatArray:

@@ -25,7 +25,10 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.control.laws.error_feedback import DEFAULT_NATURAL_FREQUENCY
 
+POSITION_MARGIN = 0.01
+"""[rad] or [m] before a position limit from which no effort accelerates the joint towards it."""
 LONGEST_STEP = 0.05
 """Longest time [s] for which one effort may change at the rate limit since the last effort."""
 _FAR = 1.0
@@ -38,14 +41,12 @@ class EffortLimits:
     Limits of n joints.
 
     `lower`, `upper` (n,) [rad] or [m] and `velocity` (n,) [rad/s] or [m/s] are infinite for joints
-    without a limit. `margin` [rad] or [m] is the distance from a position limit at which the
-    limiter begins to act. `rate` [N·m/s] or [N/s] is (n,) or one value for all joints.
+    without a limit. `rate` [N·m/s] or [N/s] is (n,) or one value for all joints.
     """
 
     lower: FloatArray
     upper: FloatArray
     velocity: FloatArray
-    margin: float
     rate: FloatArray | float
     effort: FloatArray | float = math.inf
     """Largest effort (n,) or one for all joints, apart from `holding`."""
@@ -53,12 +54,12 @@ class EffortLimits:
     @cached_property
     def soft_lower(self) -> FloatArray:
         """Return where the margin before the lower limits ends, (n,)."""
-        return self.lower + self.margin
+        return self.lower + POSITION_MARGIN
 
     @cached_property
     def soft_upper(self) -> FloatArray:
         """Return where the margin before the upper limits begins, (n,)."""
-        return self.upper - self.margin
+        return self.upper - POSITION_MARGIN
 
     def is_clear(self, q: FloatArray, v: FloatArray) -> bool:
         """
@@ -106,9 +107,6 @@ MotionEquation = Callable[
     [FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 """Returns M(q) (n, n), and C(q, v) v + friction (n,)."""
 
-BRAKING = 20.0
-"""[1/s]: acceleration toward a limit, by the velocity away from it, that only brakes a joint."""
-
 
 class ActiveLimits(NamedTuple):
     """The joints (n,) whose effort each limit has changed."""
@@ -151,7 +149,7 @@ class EffortLimiter:
             M, passive = (np.eye(len(q)), np.zeros_like(q)) if equation is None else (
                 equation(q, v))
             a = np.linalg.solve(M, effort - still - passive)
-            braking = -BRAKING * v  # of a joint that moves away from a limit
+            braking = -DEFAULT_NATURAL_FREQUENCY * v  # of a joint that moves away from a limit
             by_position = ((a > np.maximum(braking, 0.0)) & (q > limits.soft_upper)) | (
                 (a < np.minimum(braking, 0.0)) & (q < limits.soft_lower))
             by_velocity = (np.abs(v) > limits.velocity) & (a * v > 0.0)

@@ -23,18 +23,12 @@ END_ACTIONS = ('hold_then_silence', 'ramp_to_zero')
 
 @dataclass(frozen=True)
 class SafetyOptions:
-    """
-    Times are in [s]. A position `fault_margin` [rad] or [m] past its limit is a fault.
-
-    A velocity above `overspeed` times its limit is a fault; infinite disables this check.
-    """
+    """Times are in [s]."""
 
     state_timeout: float = 0.05
     fault_action: str = FAULT_ACTIONS[0]
     hold_time: float = 1.0
     ramp_time: float = 0.5
-    fault_margin: float = 0.0087
-    overspeed: float = 1.2
     end_action: str = END_ACTIONS[0]
     is_lock_step: bool = False
     """Whether a simulation waits for the answer to each state."""

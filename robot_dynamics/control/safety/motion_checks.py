@@ -8,28 +8,32 @@ from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.gate import LOST
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.control.safety.faults import Fault, FROZEN_JOINT, OVERSPEED, POSITION_LIMIT
+from robot_dynamics.trajectories.goal_limits import POSITION_TOLERANCE
+
+OVERSPEED_FACTOR = 1.2
+"""Multiple of a velocity limit above which a fault occurs: references reach the limit itself."""
 
 
 def beyond_a_limit(
-    names: tuple[str, ...], limits: EffortLimits, margin: float, q: FloatArray,
+    names: tuple[str, ...], limits: EffortLimits, q: FloatArray,
 ) -> Fault | None:
-    """Return the fault of a position q (n,) that is `margin` [rad] or [m] past a limit."""
+    """Return the fault of a position q (n,) that is POSITION_TOLERANCE past a limit."""
     past = np.maximum(q - limits.upper, limits.lower - q)
     j = int(np.argmax(past))
-    return None if not past[j] > margin else Fault(
+    return None if not past[j] > POSITION_TOLERANCE else Fault(
         POSITION_LIMIT, f'position of {names[j]!r} is {q[j]:g}, {past[j]:g} past its limit, '
-        f'expected at most {margin:g} (position_limit_tolerance)', recovery=5)
+        f'expected at most {POSITION_TOLERANCE:g}', recovery=5)
 
 
 def too_fast(
-    names: tuple[str, ...], limits: EffortLimits, factor: float, v: FloatArray,
+    names: tuple[str, ...], limits: EffortLimits, v: FloatArray,
 ) -> Fault | None:
-    """Return the fault of a velocity v (n,) above `factor` times its limit."""
+    """Return the fault of a velocity v (n,) above OVERSPEED_FACTOR times its limit."""
     ratio = np.abs(v) / limits.velocity
     j = int(np.argmax(ratio))
-    return None if not ratio[j] > factor else Fault(
+    return None if not ratio[j] > OVERSPEED_FACTOR else Fault(
         OVERSPEED, f'velocity of {names[j]!r} is {v[j]:g}, {ratio[j]:.3g} times its limit, '
-        f'expected at most {factor:g} times (overspeed_factor)')
+        f'expected at most {OVERSPEED_FACTOR:g} times')
 
 
 def frozen_joint(names: tuple[str, ...], lost: BoolArray) -> Fault:

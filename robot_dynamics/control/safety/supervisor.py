@@ -48,8 +48,6 @@ Brake = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 """Returns the command (n,) that holds and brakes the arm at (q, v), from the `holding` command."""
 BRAKING_TIME = 2.5
 """[s] within which the arm stops before the command ends; then it ends in any case."""
-LONGEST_PAUSE = 0.25
-"""[s] without a state after which a stop before the end of the command has failed."""
 STOP_TIME, CALM = 0.5, 0.1
 """[s] after the loss of a joint in which the others stop, and the fraction of their velocity limit
 up to which they are held then: above it the lost joint moves them."""
@@ -131,7 +129,7 @@ class CommandSupervisor:
             self._end_command(now)
 
     def _can_stop(self, now: float) -> bool:
-        is_supplied = now - self.last_state <= min(self.options.state_timeout, LONGEST_PAUSE)
+        is_supplied = now - self.last_state <= self.options.state_timeout
         return is_supplied and self.mode in (Mode.RUNNING, Mode.FAULT) and (
             self.limiter.last is not None)
 
@@ -216,9 +214,9 @@ class CommandSupervisor:
         follows a reference.
         """
         names, limits = self.joint_names, self.limiter.limits
-        beyond = beyond_a_limit(names, limits, self.options.fault_margin, q)
+        beyond = beyond_a_limit(names, limits, q)
         self.was_inside = self.was_inside or beyond is None
-        other = too_fast(names, limits, self.options.overspeed, v) or fault
+        other = too_fast(names, limits, v) or fault
         cause = beyond or other
         if cause is None and self.mode is Mode.RUNNING and (
                 now - self.last_state > self.options.state_timeout):
@@ -353,10 +351,8 @@ class CommandSupervisor:
     @property
     def deadline(self) -> float:
         """Time at which `tick` is due while states arrive."""
-        if self.mode is Mode.BRAKING:
-            wait = min(self.options.state_timeout, LONGEST_PAUSE)
-            return min(self.last_state + wait, self._brake_until)
-        return self.last_state + self.options.state_timeout
+        overdue = self.last_state + self.options.state_timeout
+        return min(overdue, self._brake_until) if self.mode is Mode.BRAKING else overdue
 
     @property
     def time_to_stop(self) -> float:

@@ -6,7 +6,6 @@
 from collections.abc import Callable
 import math
 import time
-from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -16,7 +15,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
-from robot_dynamics.ros.parameters.declared_parameters import flag, number, numbers, Values
+from robot_dynamics.ros.parameters.declared_parameters import numbers, Values
 from robot_dynamics.urdf.values import rotation
 from sensor_msgs.msg import Imu
 
@@ -31,60 +30,41 @@ FILTER_TIME = 0.1
 PLAUSIBLE = (0.5, 2.0)
 """Range of a measured acceleration, as multiples of the gravity of the parameter."""
 
-GRAVITY_SPECS = (
-    number('gravity_rate_limit', 20.0, 0.1, 1e6, (
-        'Largest rate of change of gravity [m/s^3] after a change of the parameter gravity or a '
-        'message of the IMU. A base that tilts with 1 rad/s changes gravity by 9.81 m/s^3.')),
-    flag('gravity_from_imu', False, (
-        'Take gravity from the topic base_imu (sensor_msgs/msg/Imu) instead of the parameter '
-        'gravity, whose magnitude is still used: from the orientation, or from the linear '
-        'acceleration if there is no orientation. For arms on mobile or tilting bases.'),
-        read_only=True),
-    numbers('imu_rpy', -math.tau, math.tau, (
-        'Roll, pitch and yaw [rad] of the frame of the IMU in the base frame of the arm, as in a '
-        'URDF. If empty, the axes of both frames are parallel.'), read_only=True),
-)
-
-
-class TakesGravity(Protocol):
-    """What gets the gravity (3,) [m/s²], and its largest rate of change [m/s³]."""
-
-    def set_gravity(self, gravity: FloatArray, rate: float) -> None:
-        ...
+GRAVITY_RATE = 20.0
+"""Largest rate of change of gravity [m/s³] in commands, that of a base that tilts at 2 rad/s."""
+IMU_SPEC = numbers('imu_rpy', -math.tau, math.tau, (
+    'Take gravity from the topic base_imu (sensor_msgs/msg/Imu) of an IMU whose frame has this '
+    'roll, pitch and yaw [rad] in the base frame of the arm, as in a URDF: from its orientation, '
+    'or from its linear acceleration if it has no orientation. For arms on mobile or tilting '
+    'bases. If empty, gravity is the parameter gravity, whose magnitude is used in any case.'),
+    read_only=True)
 
 
 class BaseGravity:
-    """Passes gravity to the controller; called in the executor."""
+    """Observes the gravity of the base; called in the executor."""
 
-    def __init__(self, node: Node, values: Callable[[], Values]) -> None:
-        """Subscribe to the IMU if the parameters demand it; `values` returns the parameters."""
-        self._node, self._values = node, values
-        self._controller: TakesGravity | None = None
-        self._gravity: FloatArray | None = None
+    def __init__(
+        self, node: Node, values: Callable[[], Values], use: Callable[[FloatArray], None],
+    ) -> None:
+        """
+        Subscribe to the IMU if the parameters demand it; `values` returns the parameters.
+
+        `use` is called with each new gravity (3,) [m/s²].
+        """
+        self._node, self._values, self._use = node, values, use
+        self.measured: FloatArray | None = None
         """Gravity (3,) [m/s²] of the newest valid message of the IMU."""
         self._received_at, self._changed_at = -math.inf, -math.inf
         self._refused, self._refusal = 0, ''
-        self._has_imu = bool(values()['gravity_from_imu'])
+        self._has_imu = bool(values()['imu_rpy'])
         if self._has_imu:
-            self._R = rotation(np.array(values()['imu_rpy'] or (0.0, 0.0, 0.0)))
+            self._R = rotation(np.array(values()['imu_rpy']))
             node.create_subscription(Imu, TOPIC, self._on_imu, NEWEST)
-
-    def set_controller(self, controller: TakesGravity) -> None:
-        """Change the gravity of this controller from now on, first to that of the IMU."""
-        self._controller = controller
-        if self._gravity is not None:
-            controller.set_gravity(self._gravity, math.inf)
-
-    def forget(self) -> None:
-        """Change no controller."""
-        self._controller = None
 
     def take(self, values: Values) -> None:
         """Use the changed parameter `gravity`; the IMU takes precedence."""
-        if self._controller is not None and not self._has_imu and (
-                values['gravity'] != self._values()['gravity']):
-            self._controller.set_gravity(
-                np.array(values['gravity']), values['gravity_rate_limit'])
+        if not self._has_imu and values['gravity'] != self._values()['gravity']:
+            self._use(np.array(values['gravity']))
 
     def _on_imu(self, message: Imu) -> None:
         now = time.monotonic()
@@ -97,24 +77,24 @@ class BaseGravity:
                 f'Rejected a message on {TOPIC}: {error}', throttle_duration_sec=LOG_PERIOD)
             return
         dt, self._received_at = now - self._received_at, now
-        share = 1.0 if self._gravity is None or has_orientation(message) else (
+        share = 1.0 if self.measured is None or has_orientation(message) else (
             dt / (dt + FILTER_TIME))
-        before = self._gravity if self._gravity is not None else measured
-        self._gravity = before + share * (measured - before)
-        if self._controller is not None and now - self._changed_at >= SHORTEST_PERIOD:
+        before = self.measured if self.measured is not None else measured
+        self.measured = before + share * (measured - before)
+        if now - self._changed_at >= SHORTEST_PERIOD:
             self._changed_at = now
-            self._controller.set_gravity(self._gravity, self._values()['gravity_rate_limit'])
+            self._use(self.measured)
 
     def status(self) -> Status:
         """Return the status for the diagnostics."""
         silence = time.monotonic() - self._received_at
-        gravity = self._values()['gravity'] if self._gravity is None else self._gravity
+        gravity = self._values()['gravity'] if self.measured is None else self.measured
         level, words = OK, ', '.join(f'{g:.3g}' for g in gravity) + ' m/s²' + (
             f', of {TOPIC}' if self._has_imu else '')
         if self._has_imu and silence > SILENCE:
             level = WARN
             words = (f'no valid message on {TOPIC} yet: the parameter gravity is used'
-                     if self._gravity is None else
+                     if self.measured is None else
                      f'no valid message on {TOPIC} for {silence:.1f} s: its last gravity is used')
         return Status('gravity', level, words, {
             'gravity': [round(float(g), 3) for g in gravity], 'refused': self._refused,

@@ -19,18 +19,14 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.laws.law_table import NO_COMMAND
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
 from robot_dynamics.control.safety.ending import Ending
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
-from robot_dynamics.control.scaled_laws import NO_COMMAND
 from robot_dynamics.ros.dynamics.command_status import command_status, CommandCounters
 from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
-from robot_dynamics.ros.middleware.cdr_templates import (
-    array_template,
-    effort_template,
-    MessageTemplate,
-)
+from robot_dynamics.ros.dynamics.served import Served
 from robot_dynamics.ros.middleware.diagnostics import Status
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import raw_publish, RclError, subscription_count
@@ -49,9 +45,9 @@ IDLE = 1.0
 
 class CommandOutput:
     """
-    Publishes the efforts of one control loop; thread-safe.
+    Publishes the efforts of the control loop that is served; thread-safe.
 
-    `lock` protects the loop and its publishers; the loops of all models use it.
+    `lock` protects `served` and the publishers; the loops of all models use it.
     """
 
     def __init__(
@@ -67,8 +63,8 @@ class CommandOutput:
         self._count = subscription_count(self._command)
         self._commands = self._publisher(Float64MultiArray, '~/commands', qos)
         self._count_bare = subscription_count(self._commands)
-        self.loop: ControlLoop | None = None
-        self._templates: tuple[MessageTemplate, MessageTemplate] | None = None
+        self.served: Served | None = None
+        """What is served, the only reference of the node to it."""
         self._stamp = bytes(8)
         self.is_active = self._ends = False
         """Whether commands are enabled."""
@@ -99,23 +95,28 @@ class CommandOutput:
 
     # ------------------------------------------------------------------ the loop
 
-    def set_loop(self, loop: ControlLoop) -> None:
+    @property
+    def loop(self) -> ControlLoop | None:
+        """The control loop of the arm that is served, or None."""
+        return None if self.served is None else self.served.loop
+
+    def serve(self, served: Served) -> None:
         """Publish the efforts of this loop, which continues those of the last one."""
         with self._changed:
-            if self.loop is None and self._latched is not None:
+            loop = served.loop
+            if self.served is None and self._latched is not None:
                 loop.supervisor.fault, self._latched = self._latched, None
-            names = loop.controller.arm.joint_names
             if self.is_active and not loop.is_active:
                 loop.activate()
-            self.loop = loop
+            self.served = served
             self._faults_seen = loop.supervisor.fault_count
-            self._templates = effort_template(names), array_template(len(names))
+            self.order.look_now()
             self._changed.notify()
 
     def forget(self) -> None:
         """Publish nothing; a latched fault persists for the next loop."""
         with self._changed:
-            loop, self.loop = self.loop, None
+            loop, self.served = self.loop, None
             if loop is not None and loop.supervisor.is_latched:
                 self._latched = loop.supervisor.fault
 
@@ -194,15 +195,15 @@ class CommandOutput:
 
     def publish(self, stamp: bytes, effort: FloatArray) -> None:
         """Publish the effort (n,) for a state with this stamp; the caller holds `lock`."""
-        self._stamp = stamp
-        if self._templates is None:
+        self._stamp, served = stamp, self.served
+        if served is None:
             return
-        named, bare = self._templates
+        messages = served.messages
         try:
             if self._count():
-                self._send(named.filled(stamp, effort))
+                self._send(messages.command.filled(stamp, effort))
             if self._count_bare() and self.order.allows():
-                self._commands.publish(bare.filled(stamp, effort))
+                self._commands.publish(messages.bare_command.filled(stamp, effort))
         except Exception:
             if self._node.context.ok():
                 raise

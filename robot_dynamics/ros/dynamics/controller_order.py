@@ -29,8 +29,6 @@ from robot_dynamics.ros.middleware.rclpy_internals import RclError, subscription
 
 LOOK_PERIOD = 0.1
 """[s] between two checks while a subscriber is unchecked."""
-RECHECK_PERIOD = 1.0
-"""[s] between two searches for subscribers if all have been checked."""
 GRACE = 0.5
 """
 [s] for the parameter service of a subscriber to be discovered.
@@ -101,7 +99,11 @@ class _Subscriber:
 
 
 class ControllerOrder:
-    """Checks the subscribers of `~/commands`; `look` runs in the executor."""
+    """
+    Checks the subscribers of `~/commands` in the executor.
+
+    `check` is to be called once per second; the next command notices a new subscriber, too.
+    """
 
     def __init__(
         self, node: Node, commands: Publisher, joint_names: Callable[[], Sequence[str]],
@@ -114,24 +116,27 @@ class ControllerOrder:
         self._when_wrong = when_wrong
         self._count = subscription_count(commands)
         self._subscribers: dict[tuple[bytes, str], _Subscriber] = {}
-        self._judged_for: list[str] = []
         self._open_for: list[str] | None = None
-        self._looked_at = -RECHECK_PERIOD
+        self._seen = 0
+        """Number of subscribers at the last command."""
         self._reported: set[str] = set()
-        node.create_timer(LOOK_PERIOD, self.check, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = node.create_timer(
+            LOOK_PERIOD, self.check, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        """Runs while a subscriber is unchecked."""
+        self.look_now = node.create_guard_condition(self.check).trigger
+        """Check at once; may be called in any thread."""
 
     def allows(self) -> bool:
         """Tell whether a command may be published; called by the control path."""
-        return self._count() == 0 or self._open_for == self._joint_names()
+        count = self._count()
+        if count != self._seen:
+            self._seen = count
+            self.look_now()
+        return count == 0 or self._open_for == self._joint_names()
 
     def check(self) -> None:
         """Find the subscribers, continue their checks, and compare the orders."""
-        now, names = time.monotonic(), list(self._joint_names())
-        checked = [one for one in self._subscribers.values() if one.is_checked]
-        if self._count() == len(self._subscribers) == len(checked) and (
-                names == self._judged_for and now - self._looked_at < RECHECK_PERIOD):
-            return
-        self._looked_at, self._judged_for = now, names
+        names = list(self._joint_names())
         self._find()
         for subscriber in self._subscribers.values():
             if not subscriber.is_checked:
@@ -139,6 +144,10 @@ class ControllerOrder:
         checked = [one for one in self._subscribers.values() if one.is_checked]
         self._compare(checked, names)
         self._open_for = names if self._has_order(names) else None
+        if len(checked) < max(len(self._subscribers), self._count()):
+            self._timer.reset()
+        else:
+            self._timer.cancel()
 
     def _has_order(self, names: list[str]) -> bool:
         """Return whether a subscriber has this order, or none can have another one."""

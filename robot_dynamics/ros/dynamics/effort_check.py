@@ -23,10 +23,8 @@ class EffortCheck:
     The thread of the control path calls `look`; any thread may call `status`.
     """
 
-    def __init__(
-        self, node: Node, arm: ArmModel, convention: EffortConvention, wanted: bool,
-    ) -> None:
-        """Finish at once if the check is disabled or there is no measured effort."""
+    def __init__(self, node: Node, arm: ArmModel, convention: EffortConvention) -> None:
+        """Finish at once if there is no measured effort."""
         self._node, self._names, self._convention = node, arm.joint_names, convention
         self._check = gravity_check.GravityCheck(
             convention, arm.friction, arm.actuators, arm.is_continuous, arm.drive)
@@ -35,14 +33,17 @@ class EffortCheck:
         self._verdict: gravity_check.GravityVerdict | None = None
         self._words = gravity_check.STILL
         self.done = False
-        if not wanted:
-            self._finish('off')
-        elif convention.measured_effort == 'none':
+        if convention.measured_effort == 'none':
             self._finish(f"{gravity_check.NO_EFFORT} (measured_effort is 'none')")
+
+    def lack_effort(self) -> None:
+        """Note that the joint states have no effort."""
+        if not self.done:
+            self._wait(f'{gravity_check.NO_EFFORT} in the joint states')
 
     def add_state(
         self, reader: JointStateReader, message: SensedState, q: FloatArray,
-        v: FloatArray | None, gravity: FloatArray, command: FloatArray | None,
+        gravity: FloatArray, command: FloatArray | None,
     ) -> None:
         """
         Take a state and the command for it, None if there is no command or no subscriber.
@@ -57,11 +58,9 @@ class EffortCheck:
             self._wait(f'{gravity_check.NO_EFFORT}: {error}')
             return
         if effort is None:
-            self._wait(f'{gravity_check.NO_EFFORT} in the joint states')
             return
         try:
-            verdict = self._check.add(
-                message.stamp_ns, q, v, effort, in_force, gravity)
+            verdict = self._check.add(message.stamp_ns, q, effort, in_force, gravity)
         except Exception as error:  # an error of the check must not stop the control path
             self._node.get_logger().error(f'The effort check failed: {error!r}')
             self._finish(f'failed: {error!r}')

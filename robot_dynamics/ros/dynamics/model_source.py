@@ -5,7 +5,7 @@
 The source of the model of `dynamics`: parameters, a topic, or the embedded arm.
 
 A description on the topic replaces the embedded arm at once. It replaces another description when
-no command is published.
+no command is published. ~/robot_description contains the one in use, for other nodes.
 """
 
 from collections.abc import Callable
@@ -67,6 +67,7 @@ class ModelSource:
         self._current: _Model | None = None
         self._waiting: _Model | None = None
         self._subscription: Any = None
+        self._in_use = node.create_publisher(String, '~/robot_description', LATCHED)
 
     @property
     def has_waiting(self) -> bool:
@@ -113,6 +114,7 @@ class ModelSource:
     def _take(self, model: _Model) -> None:
         self._use(model.arm, model.is_embedded)
         self._current = model
+        self._in_use.publish(String(data=model.xml))
 
     def _obstacle_of_embedded_arm(self) -> str:
         """Return why the embedded arm cannot be used without a description, empty if it can."""

@@ -4,33 +4,34 @@
 """The node `dynamics`: commands for joint states, and services of robot dynamics."""
 
 from collections.abc import Sequence
+import math
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.gains.loop_warnings import loop_warnings
+from robot_dynamics.control.feed_forward import FeedForward
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import convention_from_parameters
-from robot_dynamics.monitoring.state_plausibility import StatePlausibility
-from robot_dynamics.ros.dynamics.base_gravity import BaseGravity
+from robot_dynamics.ros.dynamics.base_gravity import BaseGravity, GRAVITY_RATE
 from robot_dynamics.ros.dynamics.command_status import active_words
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
 from robot_dynamics.ros.dynamics.external_effort_fault import ExternalEffortFault
 from robot_dynamics.ros.dynamics.goals.follow_joint_trajectory import FollowJointTrajectoryServer
-from robot_dynamics.ros.dynamics.goals.teleoperation import Teleoperation
+from robot_dynamics.ros.dynamics.goals.law_topics import subscribe_laws
 from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
 from robot_dynamics.ros.dynamics.model_source import ModelSource
 from robot_dynamics.ros.dynamics.parameters import (
     effort_limits,
-    GAINS,
     options_from,
     safety_options,
     SPECS,
     state_timeout,
 )
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
+from robot_dynamics.ros.dynamics.served import ArmMessages, Served
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.dynamics.state_log import StateReport
 from robot_dynamics.ros.middleware.cdr_templates import JointStateDecoder
@@ -51,8 +52,6 @@ from robot_dynamics.validation import check_vector
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-LOOP_PARAMETERS = (*GAINS, 'scale_gains', 'condition_references', 'effort_rate_limit')
-"""Parameters on which the stability of the loop depends."""
 STATES = QoSProfile(depth=MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
@@ -78,8 +77,6 @@ USAGE = NodeUsage(
       'follow; one point is a set-point.'),
      ('~/set_point', 'Subscribed, sensor_msgs/msg/JointState: a set-point, such as the joint '
       'states of a leader arm.'),
-     ('~/force_feedback', 'Subscribed, sensor_msgs/msg/JointState: the external effort of a '
-      'follower, which hand_guiding lets feel.'),
      ('~/follow_joint_trajectory', 'Action, control_msgs/action/FollowJointTrajectory, if '
       'control_msgs is installed: a trajectory with tolerances and a result.'),
      ('effort_command, ~/commands', 'Published, sensor_msgs/msg/JointState and '
@@ -116,34 +113,28 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._set_up()
 
     def _set_up(self) -> None:
-        self._arm: ArmModel | None = None
-        self._controller: Controller | None = None
-        self._effort_check: EffortCheck | None = None
-        self._external: ExternalEffortFault | None = None
         self._configuring_failed: Exception | None = None
         self._is_starting = False
-        self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
-        self._payloads = PayloadKeeper(self, lambda: self._settings.values)
-        self._gravity = BaseGravity(self, lambda: self._settings.values)
         self._path = ControlPath(
             self, lambda: self._loop.publisher_count(), Diagnostics(self, self._statuses).look_now)
+        self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
+        self._payloads = PayloadKeeper(self, lambda: self._settings.values)
+        self._gravity = BaseGravity(self, lambda: self._settings.values, self._use_gravity)
         self._graph = GraphWatch(
             self, self._path.command.topics, 'Stop all but one publisher of a command topic.')
-        self._dynamics_services = DynamicsServices(self, self._payloads)
+        DynamicsServices(self, self._payloads, self._controller)
         self._models = ModelSource(
             self, lambda: self._settings.values, self._payloads,
             lambda: self._path.command.is_commanding, self._use_model)
         self.create_service(Trigger, '~/reset_fault', self._reset_fault)
         self._trajectories = TrajectoryInput(self, self._path)
-        self._teleoperation = Teleoperation(self, self._path, self._trajectories)
-        self._action = FollowJointTrajectoryServer(
-            self, self._path, self._trajectories, lambda: self._settings.values)
+        subscribe_laws(self, self._path, self._trajectories)
+        self._action = FollowJointTrajectoryServer(self, self._path, self._trajectories)
         self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
         self._report = StateReport(self._path.counters, lambda: self._path.loop)
         self._loop = MessageLoop(
             self, JointState, 'joint_states', STATES, JointStateDecoder().decode,
             self._path.on_state, self._path.refuse,
-            in_thread=self._settings.values['state_thread'],
             source=lambda state: tuple(state.name))
         if self._settings.values['autostart']:
             self._start()
@@ -216,9 +207,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the model; keep the payloads."""
         self._path.forget()
-        self._dynamics_services.forget()
-        self._gravity.forget()
-        self._arm = self._controller = self._effort_check = self._external = None
         self._models.forget()
         return TransitionCallbackReturn.SUCCESS
 
@@ -247,33 +235,37 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
 
     # ------------------------------------------------------------------ the model
 
+    def _controller(self) -> Controller | None:
+        """Return the controller of the arm that is served, None without a model."""
+        loop = self._path.loop
+        return None if loop is None else loop.controller
+
     def _use_model(self, arm: ArmModel, is_embedded: bool) -> None:
         values = self._settings.values
-        options = options_from(values, arm)
         self._payloads.check(arm)
-        controller = Controller(arm, options, lock=self._path.lock)
-        self._payloads.set_controller(controller)
-        self._gravity.set_controller(controller)
-        check = EffortCheck(self, arm, options.effort_convention, values['effort_check'])
-        monitor = StatePlausibility(
-            arm.joint_names, arm.limits.velocity, values['state_max_age'], arm.is_continuous)
-        loop = ControlLoop(
-            controller, effort_limits(values, arm), safety_options(values), monitor,
-            self._path.loop)
-        external = ExternalEffortFault(self, controller, options.effort_convention, values)
-        self._path.set_loop(loop, check, external, is_embedded)
-        self._limit_path(values)
-        self._dynamics_services.set_controller(controller)
-        self._arm, self._controller = arm, controller
-        self._effort_check, self._external = check, external
-        self._warn_of_loop(controller)
+        controller = Controller(arm, options_from(values, arm), lock=self._path.lock)
+        if self._payloads:
+            controller.set_payloads(self._payloads.payloads, 0.0, lambda _: None)
+        if self._gravity.measured is not None:
+            controller.set_gravity(self._gravity.measured, math.inf)
+        convention = controller.options.effort_convention
+        check = EffortCheck(self, arm, convention)
+        external = ExternalEffortFault(self, controller, convention, values)
+        messages = ArmMessages(arm.joint_names, is_embedded)
+        with self._path.lock:  # between two states, as the loop continues that of the last model
+            loop = ControlLoop(
+                controller, effort_limits(values, arm), safety_options(values), self._path.loop)
+            loop.gate.plausibility.max_age = values['state_max_age']
+            self._path.serve(Served(loop, values, check, external, FeedForward(loop), messages))
+        self._payloads.publish()
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         for name, position in arm.locked_joints.items():
             self.get_logger().info(f'Joint {name!r} is locked at {position:g}')
 
-    def _warn_of_loop(self, controller: Controller) -> None:
-        for warning in loop_warnings(controller):
-            self.get_logger().warning(warning)
+    def _use_gravity(self, gravity: FloatArray) -> None:
+        controller = self._controller()
+        if controller is not None:
+            controller.set_gravity(gravity, GRAVITY_RATE)
 
     # ------------------------------------------------------------------ parameters
 
@@ -282,33 +274,31 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         if values['imu_rpy']:
             check_vector('imu_rpy', values['imu_rpy'], 3, ('roll', 'pitch', 'yaw'))
         convention_from_parameters(values)
-        if self._arm is not None:
-            options_from(values, self._arm)
+        served = self._path.served
+        if served is not None:
+            options_from(values, served.arm)
 
     def _apply(self, values: Values) -> None:
-        if self._external is not None:
-            self._external.set_limits(values)
-        if self._controller is not None and self._arm is not None:
-            options = options_from(values, self._arm)
-            loop = self._path.loop
-            if loop is not None:
-                loop.set_options(
-                    options, effort_limits(values, self._arm), safety_options(values))
-                self._path.command.notify()
-            self._gravity.take(values)
-            if any(values[name] != self._settings.values[name] for name in LOOP_PARAMETERS):
-                self._warn_of_loop(self._controller)
-            self._limit_path(values)
-
-    def _limit_path(self, values: Values) -> None:
-        self._path.set_limits(values['state_max_age'], values['joint_sample_max_age'])
+        served = self._path.served
+        if served is None:
+            return
+        arm, loop = served.arm, served.loop
+        options, limits = options_from(values, arm), effort_limits(values, arm)
+        with self._path.lock:  # between two states
+            loop.set_options(options, limits, safety_options(values))
+            loop.gate.plausibility.max_age = values['state_max_age']
+            served.external.set_limits(values)
+            self._path.set_values(values)
+        self._path.command.notify()
+        self._gravity.take(values)
 
     # ------------------------------------------------------------------ diagnostics
 
     def _statuses(self) -> list[Status]:
         self._models.take_waiting()
-        model = self._arm.name if self._arm is not None else 'none yet'
-        statuses = [
+        self._path.command.order.check()
+        served = self._path.served
+        return [
             *self._report.statuses(state_timeout(self._settings.values)),
             self._trajectories.status(),
             self._path.command.status(),
@@ -316,12 +306,12 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._payloads.status(),
             self._gravity.status(),
             Status(
-                'model', OK if self._arm else WARN, model,
+                'model', WARN if served is None else OK,
+                'none yet' if served is None else served.arm.name,
                 {'command': self._settings.values['command'],
                  'a new one waits': self._models.has_waiting,
                  'callbacks that failed': self.callback_errors}),
-        ]
-        return statuses + [one.status() for one in (self._external, self._effort_check) if one]
+            *([] if served is None else [served.external.status(), served.check.status()])]
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -3,30 +3,26 @@
 
 """The parameters of `dynamics`, and the options of the control law from them."""
 
-import math
-
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.laws import cartesian, guiding
+from robot_dynamics.control.laws.computed_torque import FRICTION_MODES
+from robot_dynamics.control.laws.control_law import LawParameter
 from robot_dynamics.control.laws.error_feedback import (
     DEFAULT_DAMPING_RATIO,
     DEFAULT_NATURAL_FREQUENCY,
+    LEAST_DAMPING,
     make_gains,
     per_joint,
 )
-from robot_dynamics.control.laws.friction_compensation import FRICTION_MODES
-from robot_dynamics.control.laws.impedance import LEAST_DAMPING_RATIO, make_impedance
+from robot_dynamics.control.laws.law_table import all_laws, command_modes, declared, law_options
 from robot_dynamics.control.options import (
     ControllerOptions,
     default_effort_rates,
     DEFAULT_STATE_MAX_AGE,
-    POSITION_MARGIN,
 )
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.control.safety.fault_action import END_ACTIONS, FAULT_ACTIONS, SafetyOptions
-from robot_dynamics.control.scaled_laws import command_modes
 from robot_dynamics.control.trajectory_goal import (
-    DEFAULT_GOAL_TIME,
     default_tolerances,
     Tolerances,
 )
@@ -34,7 +30,7 @@ from robot_dynamics.joints.effort_convention import ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import check_order_is_given, convention_from_parameters
 from robot_dynamics.model_check.finding import CHECKS
-from robot_dynamics.ros.dynamics.base_gravity import GRAVITY_SPECS
+from robot_dynamics.ros.dynamics.base_gravity import IMU_SPEC
 from robot_dynamics.ros.dynamics.external_effort_fault import (
     contact_levels,
     CONTACT_SPECS,
@@ -46,25 +42,17 @@ from robot_dynamics.ros.parameters.declared_parameters import (
     number,
     numbers,
     numbers_per_joint,
+    ParameterSpec,
     text,
     texts,
     Values,
 )
 from robot_dynamics.ros.parameters.payloads import PAYLOAD_SPECS
-from robot_dynamics.validation import LARGEST_VALUE
 
-GOAL_SPECS = (
-    numbers_per_joint('goal.path_tolerance', 0.0, 1e9, (
-        'Largest distance [rad] or [m] from the reference during a goal of '
-        '~/follow_joint_trajectory that gives no tolerance'), (
-        '. 0 or an empty array: only following_error_limit applies.')),
-    numbers_per_joint('goal.tolerance', 0.0, 1e9, (
-        'Distance [rad] or [m] at which such a goal is reached'), (
-        ', 0 for any distance. If empty, 0.01.')),
-    number('goal.time', DEFAULT_GOAL_TIME, 0.0, 3600.0, (
-        'Time [s] after the end of the trajectory within which such a goal must be reached; 0 for '
-        'any time.')),
-)
+GOAL_SPEC = numbers_per_joint('goal.tolerance', 0.0, 1e9, (
+    'Distance [rad] or [m] at which a goal of ~/follow_joint_trajectory that gives no tolerance '
+    'is reached'), (
+    ', 0 for any distance. If empty, 0.01.'))
 LOCK_STEP_TIMEOUT = 60.0
 """[s] that a simulation in lock-step may compute: its arm does not move before the next effort."""
 INFEASIBLE_TRAJECTORY = ('reject', 'slow_down', 'clip')
@@ -99,9 +87,6 @@ SAFETY_SPECS = (
     number('reference_timeout', 0.1, 0.001, 60.0, (
         'Longest pause [s] of a stream of moving set-points. After a longer pause the arm stops '
         'and holds its position.')),
-    flag('condition_references', True, (
-        'Limit every reference to velocities, accelerations and jerks that the arm can follow. If '
-        'false, a step of the reference causes a step of the effort.')),
     text('infeasible_trajectory', INFEASIBLE_TRAJECTORY[0], (
         'Reaction to a trajectory that exceeds a limit of the arm: reject rejects it, slow_down '
         'lowers its velocities, clip also clips its positions to the position limits. Paths '
@@ -109,19 +94,22 @@ SAFETY_SPECS = (
     numbers_per_joint('following_error_limit', 0.0, 1e9, (
         'Distance [rad] or [m] between position and reference above which a fault occurs'), (
         ', 0 for no limit. If empty, the limit is the distance at the velocity limit in 0.3 s.')),
-    number('overspeed_factor', 1.2, 0.0, 1e9, (
-        'Multiple of a URDF velocity limit above which a fault occurs; 0 disables this check.')),
     *OBSERVER_SPECS,
     *CONTACT_SPECS,
     number('effort_rate_limit', 0.0, 0.0, 1e9, (
         'Largest rate of change [N·m/s] or [N/s] of effort_command for every joint; 0 for the '
         'effort limit of each joint per 0.1 s.')),
-    number('position_limit_margin', POSITION_MARGIN, 0.0, 10.0, (
-        'Distance [rad] or [m] before a position limit from which no effort may accelerate the '
-        'joint toward the limit.')),
-    number('position_limit_tolerance', 0.0087, 0.0, 1e9, (
-        'Distance [rad] or [m] beyond a position limit at which a fault occurs.')),
 )
+
+
+def _law_spec(one: LawParameter) -> ParameterSpec:
+    """Return the specification of a parameter that a law declares."""
+    if isinstance(one.default, str):
+        return text(one.name, one.default, one.description)
+    if isinstance(one.default, tuple):
+        return numbers(one.name, one.minimum, one.maximum, one.description, one.default)
+    return number(one.name, float(one.default), one.minimum, one.maximum, one.description)
+
 
 SPECS = (
     *robot_description.DESCRIPTION_SPECS,
@@ -143,55 +131,11 @@ SPECS = (
     numbers_per_joint('gains.natural_frequency', 0.0, 1e4, (
         'Natural frequency [rad/s] of the tracking error'), (
         '. K_p is its square.'), default=[DEFAULT_NATURAL_FREQUENCY]),
-    numbers_per_joint('gains.damping_ratio', 0.0, 1e4, (
+    numbers_per_joint('gains.damping_ratio', LEAST_DAMPING, 1e4, (
         'Damping ratio of the tracking error'), (
         '. K_d is 2 times this ratio times the natural frequency.'),
         default=[DEFAULT_DAMPING_RATIO]),
-    numbers_per_joint('gains.kp', 0.0, 1e8, (
-        'Proportional gain K_p [1/s²], which replaces gains.natural_frequency')),
-    numbers_per_joint('gains.kd', 0.0, 1e8, (
-        'Derivative gain K_d [1/s], which replaces gains.damping_ratio')),
-    numbers_per_joint('impedance.stiffness', 0.0, 1e8, (
-        'Stiffness [N·m/rad] or [N/m] of joint_impedance'), (
-        '. If empty, the effort limit of the joint per 0.25 rad or 0.25 m, 100 without an effort '
-        'limit.')),
-    numbers_per_joint('impedance.damping_ratio', LEAST_DAMPING_RATIO, 1e4, (
-        'Damping ratio of joint_impedance, with the inertia in the present configuration'),
-        default=[DEFAULT_DAMPING_RATIO]),
-    numbers_per_joint('impedance.damping', 0.0, 1e8, (
-        'Damping [N·m·s/rad] or [N·s/m] of joint_impedance, which replaces '
-        'impedance.damping_ratio'), (
-        '. At least half of the critical damping acts.')),
-    numbers_per_joint('hand_guiding.friction_share', 0.0, guiding.LARGEST_SHARE, (
-        'Share of friction that hand_guiding compensates'), default=[guiding.DEFAULT_SHARE]),
-    numbers_per_joint('hand_guiding.speed', 0.0, 1e8, (
-        'Speed [rad/s] or [m/s] above which hand_guiding brakes a joint'), (
-        '. If empty, half of the velocity limit, at most 1 rad/s or 0.25 m/s.')),
-    numbers_per_joint('hand_guiding.feedback_gain', 0.0, guiding.LARGEST_FEEDBACK_GAIN, (
-        'Share of the effort on ~/force_feedback that hand_guiding lets feel'),
-        default=[guiding.DEFAULT_FEEDBACK_GAIN]),
-    text('cartesian.frame', '', (
-        'Link whose origin cartesian_impedance and ~/pose_reference control. If empty, the last '
-        'link that most joints move.')),
-    numbers('cartesian.translation_stiffness', 0.0, LARGEST_VALUE, (
-        'Stiffness [N/m] of cartesian_impedance; one value for all axes or one per axis of the '
-        'base frame.'), default=[cartesian.TRANSLATION_STIFFNESS]),
-    number('cartesian.rotation_stiffness', cartesian.ROTATION_STIFFNESS, 0.0, LARGEST_VALUE, (
-        'Stiffness [N·m/rad] of cartesian_impedance.')),
-    number('cartesian.damping_ratio', DEFAULT_DAMPING_RATIO, LEAST_DAMPING_RATIO, 1e4, (
-        'Damping ratio of cartesian_impedance in each direction, with the inertia in the present '
-        'configuration.')),
-    number('cartesian.null_space_frequency', cartesian.NULL_SPACE_FREQUENCY, 0.0,
-           cartesian.LARGEST_NULL_SPACE_FREQUENCY, (
-               'Natural frequency [rad/s] of the posture of cartesian_impedance, which does not '
-               'move the frame.')),
-    number('cartesian.force_limit', cartesian.FORCE_LIMIT, 0.0, cartesian.LARGEST_WRENCH, (
-        'Largest force [N] of the spring of cartesian_impedance.')),
-    number('cartesian.torque_limit', cartesian.TORQUE_LIMIT, 0.0, cartesian.LARGEST_WRENCH, (
-        'Largest torque [N·m] of the spring of cartesian_impedance.')),
-    flag('scale_gains', True, (
-        'Scale the gains down to the values that rate and noise of the joint states allow. If '
-        'false, the arm can oscillate.')),
+    *(_law_spec(one) for one in declared('PARAMETERS')),
     text('friction_compensation', 'reference', (
         'Velocity at which computed torque compensates friction: reference uses the velocity of '
         'the reference, corrected by the tracking error (robust); measured uses the measured '
@@ -204,57 +148,42 @@ SPECS = (
         'Terms that the robot adds automatically to the commanded effort, and that effort_command '
         'therefore omits: gravity, friction.'), choices=ROBOT_COMPENSATIONS, read_only=True),
     robot_description.ROBOT_GRAVITY_SPEC,
-    *GRAVITY_SPECS,
+    IMU_SPEC,
     flag('require_measured_velocities', False, (
         'Drop joint states without velocities. By default, velocities that are missing are those '
         'of the positions, late by 4 ms or half a period of the states.')),
-    number('joint_sample_max_age', 0.0, 0.0, 10.0, (
-        'Largest difference [s] between the stamps of the samples of one state, if the joints of '
-        'the arm are spread over several messages; 0 for half a period of these messages.')),
-    flag('effort_check', True, (
-        'Compare measured effort, command and g(q) once while the arm holds still, and log a '
-        'warning if gravity is compensated twice or not as declared.'), read_only=True),
     *SAFETY_SPECS,
-    *GOAL_SPECS,
+    GOAL_SPEC,
     flag('autostart', True, (
         'Configure and activate the node at start. If false, the node waits for '
         '~/change_state.'), read_only=True),
-    flag('state_thread', True, (
-        'Receive joint states in a separate thread, with little delay, instead of in the '
-        'executor.'), read_only=True),
 )
-GAINS = ('gains.natural_frequency', 'gains.damping_ratio', 'gains.kp', 'gains.kd')
-IMPEDANCE = ('impedance.stiffness', 'impedance.damping_ratio', 'impedance.damping')
-GUIDING = ('hand_guiding.friction_share', 'hand_guiding.speed', 'hand_guiding.feedback_gain')
-
-CARTESIAN = (
-    'frame', 'translation_stiffness', 'rotation_stiffness', 'damping_ratio',
-    'null_space_frequency', 'force_limit', 'torque_limit')
+GAINS = ('gains.natural_frequency', 'gains.damping_ratio')
 
 
 def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     """Return checked options; raise InvalidInputError if they do not match the arm."""
+    of_laws = declared('PARAMETERS')
     for name in (
-            *GAINS, *IMPEDANCE, *GUIDING, 'drive.stiffness', 'following_error_limit',
-            'external_effort_limit', 'goal.path_tolerance', 'goal.tolerance'):
+            *GAINS, *(one.name for one in of_laws if one.is_per_joint), 'drive.stiffness',
+            'following_error_limit', 'external_effort_limit', 'goal.tolerance'):
         check_order_is_given(values, name, arm)
     optional_values('external_effort_limit', values, arm)
     contact_levels(values, arm)
     goal_tolerances(values, arm)
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
-    return ControllerOptions(
+    options = ControllerOptions(
         gains, values['command'], values['effort_limit_fraction'], values['friction_compensation'],
-        torque_rates(values, arm), convention_from_parameters(values), values['scale_gains'],
-        values['condition_references'], values['infeasible_trajectory'] != 'reject', True,
+        torque_rates(values, arm), convention_from_parameters(values), True, True,
+        values['infeasible_trajectory'] != 'reject', True,
         optional_values('following_error_limit', values, arm), values['reference_timeout'],
         checks_goals=True,
         clips_positions=values['infeasible_trajectory'] == 'clip',
-        impedance=make_impedance(
-            arm.joint_names, arm.limits.effort, *(values[name] for name in IMPEDANCE)),
-        guiding=guiding.make_guiding(arm, *(values[name] for name in GUIDING)),
-        cartesian=cartesian.make_cartesian(
-            arm, *(values[f'cartesian.{name}'] for name in CARTESIAN)),
+        parameters={one.name: values[one.name] for one in of_laws},
         drive_stiffness=optional_values('drive.stiffness', values, arm))
+    for law in all_laws().values():
+        law_options(law, arm, options)
+    return options
 
 
 def optional_values(name: str, values: Values, arm: ArmModel) -> FloatArray | None:
@@ -264,9 +193,7 @@ def optional_values(name: str, values: Values, arm: ArmModel) -> FloatArray | No
 
 def goal_tolerances(values: Values, arm: ArmModel) -> Tolerances:
     """Return the tolerances of a goal that gives none."""
-    return default_tolerances(
-        arm.joint_names, optional_values('goal.path_tolerance', values, arm),
-        optional_values('goal.tolerance', values, arm), values['goal.time'])
+    return default_tolerances(arm.joint_names, optional_values('goal.tolerance', values, arm))
 
 
 def effort_rates(values: Values, arm: ArmModel) -> FloatArray:
@@ -285,8 +212,8 @@ def effort_limits(values: Values, arm: ArmModel) -> EffortLimits:
     """Return the effort limits of this arm."""
     limits = arm.limits
     return EffortLimits(
-        limits.lower, limits.upper, limits.velocity, values['position_limit_margin'],
-        effort_rates(values, arm), arm.given_drive.limit)
+        limits.lower, limits.upper, limits.velocity, effort_rates(values, arm),
+        arm.given_drive.limit)
 
 
 def state_timeout(values: Values) -> float:
@@ -298,6 +225,5 @@ def safety_options(values: Values) -> SafetyOptions:
     """Return the options of the supervisor."""
     return SafetyOptions(
         state_timeout(values), values['fault_action'], values['hold_time'],
-        values['ramp_time'], values['position_limit_tolerance'],
-        values['overspeed_factor'] or math.inf, values['end_action'], values['lock_step'],
+        values['ramp_time'], values['end_action'], values['lock_step'],
         values['require_measured_velocities'])

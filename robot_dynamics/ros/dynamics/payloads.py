@@ -76,10 +76,10 @@ class PayloadKeeper:
             return False
         return True
 
-    def set_controller(self, controller: Controller) -> None:
-        """Attach the kept payloads to an arm that `check` has accepted."""
+    def publish(self) -> None:
+        """Publish the kept payloads, which an arm carries from now on."""
         self.obstacle = ''
-        controller.set_payloads(self.payloads, 0.0, self._in_force)
+        self._in_force(self.payloads)
 
     def change(
         self, controller: Controller, message: InertiaStamped, transition_time: float,

@@ -57,11 +57,16 @@ class DynamicsServices:
     The response to an invalid request has success = false and the reason.
     """
 
-    def __init__(self, node: GuardedCallbacks, payloads: PayloadKeeper) -> None:
-        """Offer the services on a node; ~/set_payload changes `payloads`."""
-        self._node = node
-        self._controller: Controller | None = None
-        self._payloads = payloads
+    def __init__(
+        self, node: GuardedCallbacks, payloads: PayloadKeeper,
+        controller: Callable[[], Controller | None],
+    ) -> None:
+        """
+        Offer the services on a node; ~/set_payload changes `payloads`.
+
+        `controller` returns that of the arm that is served, None without a model.
+        """
+        self._node, self._payloads, self._served = node, payloads, controller
 
         def offer(service_type: type, name: str, handler: Handler) -> None:
             node.create_service(
@@ -76,20 +81,13 @@ class DynamicsServices:
         offer(srv.TaskSpace, 'task_space', self._task_space)
         offer(srv.SetPayload, 'set_payload', self._set_payload)
 
-    def set_controller(self, controller: Controller) -> None:
-        """Use this arm from the next request on."""
-        self._controller = controller
-
-    def forget(self) -> None:
-        """Reject requests from now on, because there is no model."""
-        self._controller = None
-
     def _used(self) -> Controller:
-        if self._controller is None:
+        controller = self._served()
+        if controller is None:
             raise ModelError(
                 'no model yet: expected a URDF on the topic robot_description, or the node to be '
                 'configured (~/change_state)')
-        return self._controller
+        return controller
 
     def _dynamics(self) -> ArmDynamics:
         """Return the dynamics for planning: the services run in the executor's thread."""
@@ -165,12 +163,13 @@ class DynamicsServices:
     def _retime(
         self, request: srv.RetimeTrajectory.Request, response: srv.RetimeTrajectory.Response,
     ) -> None:
-        dynamics = self._dynamics()
+        controller = self._used()
+        dynamics, options = controller.load.planning, controller.options
         names = request.trajectory.joint_names = (
             list(request.trajectory.joint_names) or list(dynamics.arm.joint_names))
         trajectory = trajectory_from_ros(request.trajectory, dynamics.arm.joint_names)
         order = JointOrder(dynamics.arm, names)
-        limits, options = request.acceleration_limits, self._used().options
+        limits = request.acceleration_limits
         result = retime(
             dynamics, trajectory, request.method or 'fastest', request.corner_tolerance,
             order.effort(limits, 'acceleration_limits') if len(limits) else (),
@@ -247,7 +246,7 @@ class DynamicsServices:
         self, request: srv.SetPayload.Request, response: srv.SetPayload.Response,
     ) -> None:
         seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
-        if self._controller is None and self._payloads and request.payload.inertia.m == 0.0:
+        if self._served() is None and self._payloads and request.payload.inertia.m == 0.0:
             response.message = self._payloads.remove(request.payload.header.frame_id)
             return
         controller = self._used()

@@ -8,21 +8,25 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 import math
 import time
+from typing import NamedTuple
 
+import numpy as np
 from rclpy.node import Node
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.monitoring.event_timing import EventTiming
-from robot_dynamics.monitoring.replay_hint import ReplayHint
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 
 MOST_ARRIVALS = 5000
 """Number of stored arrivals: those of more than a second at 1 kHz."""
+WINDOW = 1.0
+"""[s] of arrivals that are evaluated together."""
 COMPLETION_TIME = 1.0
 """[s] without a complete state after which the missing joints are logged."""
+REPLAY = ('play a recording with `ros2 bag play --clock`, and start this node with '
+          '`use_sim_time:=true`')
 REMEDIES = {
-    'too old': 'synchronise the clocks of driver and computer, or set `state_max_age`',
+    'too old': f'synchronise the clocks of driver and computer, or set `state_max_age`; {REPLAY}',
     'from the future': 'synchronise the clocks of driver and computer, or set `state_max_age`',
     'stamp went back': 'stop all but one publisher of the joints of this arm',
     'jump': 'stop all but one publisher of the joints of this arm',
@@ -30,6 +34,45 @@ REMEDIES = {
     'unreadable': 'expected a sensor_msgs/msg/JointState: check the driver',
 }
 """Remedy for dropped joint states, by reason."""
+
+
+class Timing(NamedTuple):
+    """
+    The intervals between the states of one window.
+
+    `rate` [Hz]; `jitter` [s], the standard deviation of the intervals; `longest` [s].
+    """
+
+    rate: float = 0.0
+    jitter: float = 0.0
+    longest: float = 0.0
+
+
+class ArrivalTiming:
+    """Evaluates windows of at least a second of the arrivals of states; for one thread."""
+
+    def __init__(self, now: float) -> None:
+        self._began, self._usual = now, math.inf
+        self._last: list[float] = []
+        self.late = 0
+        """Intervals closer to two mean intervals of the window before than to one."""
+        self.timing = Timing()
+        """The last complete window."""
+
+    def take(self, arrivals: deque[float], now: float) -> Timing:
+        """Return the last complete window, which may end now and then takes its arrivals."""
+        passed = now - self._began
+        if passed >= WINDOW:
+            times = self._last + [arrivals.popleft() for _ in range(len(arrivals))]
+            between = np.diff(times)
+            self.late += int(np.count_nonzero(np.rint(between / self._usual) > 1.0))
+            self.timing, self._usual = Timing(), math.inf
+            if len(between):
+                self.timing = Timing(
+                    len(between) / passed, float(between.std()), float(between.max()))
+                self._usual = float(between.mean())
+            self._began, self._last = now, times[-1:]
+        return self.timing
 
 
 @dataclass
@@ -44,11 +87,9 @@ class ControlCounters:
     answered_at: float = -math.inf
     """Time [s] of the last answer on the steady clock."""
     arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_ARRIVALS))
-    """Times [s] of new states on the steady clock, which `timing` has not evaluated yet."""
-    timing: EventTiming = field(default_factory=lambda: EventTiming(time.monotonic()))
+    """Times [s] of new states on the steady clock that are not evaluated yet."""
     dropped: Counter[str] = field(default_factory=Counter)
     last_drop: str = ''
-    replay: ReplayHint = field(default_factory=ReplayHint)
     following: bool = False
 
 
@@ -85,6 +126,10 @@ class StateLog:
         self._counters.last_drop = words
         self.warn('dropped', words)
 
+    def clock(self, offset: float) -> None:
+        """Log the offset [s] of another clock than that of this computer."""
+        self._node.get_logger().warning(_other_clock(offset))
+
     def part(self, missing: list[str], seconds: float) -> None:
         """Count a message that completes no state; log it if `seconds` passed without one."""
         self._counters.incomplete += 1
@@ -116,6 +161,11 @@ class StateLog:
         self._reported_scale = scale
 
 
+def _other_clock(offset: float) -> str:
+    return (f'joint states are {offset:.1f} s old by the clock of this computer: synchronise the '
+            f'clocks of driver and computer; {REPLAY}')
+
+
 class StateReport:
     """Reports whether joint states arrive, how regularly, and why some were dropped."""
 
@@ -124,6 +174,7 @@ class StateReport:
     ) -> None:
         """`loop` returns the control loop, or None without a model."""
         self._counters, self._loop = counters, loop
+        self._timing = ArrivalTiming(time.monotonic())
         self._dropped_before = 0
         self._dropped_at = -float('inf')
 
@@ -134,11 +185,8 @@ class StateReport:
         An interval of more than half of `state_timeout` [s] is a warning.
         """
         now = time.monotonic()
-        arrivals, events = self._counters.arrivals, self._counters.timing
-        for _ in range(len(arrivals)):
-            events.happened(arrivals.popleft())
-        timing = events.last_window(now)
-        return [self._arrival(now, timing.rate), self._timing(state_timeout)]
+        timing = self._timing.take(self._counters.arrivals, now)
+        return [self._arrival(now, timing.rate), self._regularity(timing, state_timeout)]
 
     def _arrival(self, now: float, rate: float) -> Status:
         counters = self._counters
@@ -155,10 +203,11 @@ class StateReport:
             level, words = WARN, 'none arrive'
             if counters.missing:
                 level, words = ERROR, (
-                    f'incomplete: no samples of {list(counters.missing)} that are new enough '
-                    '(joint_sample_max_age)')
-        if counters.replay.text:
-            level, words = max(level, WARN), f'{words}; {counters.replay.text}'
+                    f'incomplete: no samples of {list(counters.missing)} that are at most half '
+                    'a period old')
+        offset = 0.0 if loop is None else loop.gate.plausibility.clock_offset
+        if offset > 0.0:
+            level, words = max(level, WARN), f'{words}; {_other_clock(offset)}'
         wrong = [] if loop is None else [name for name, is_doubtful in zip(
             loop.controller.arm.joint_names, loop.gate.doubtful) if is_doubtful]
         if wrong:
@@ -172,8 +221,7 @@ class StateReport:
             **{f'dropped: {reason}': count for reason, count in sorted(drops.items())},
             **{f'restarted: {reason}': count for reason, count in sorted(restarts.items())}})
 
-    def _timing(self, state_timeout: float) -> Status:
-        timing, late = self._counters.timing.timing, self._counters.timing.late
+    def _regularity(self, timing: Timing, state_timeout: float) -> Status:
         level, words = OK, 'regular'
         if timing.longest > 0.5 * state_timeout:
             level, words = WARN, 'an interval of more than half of state_timeout'
@@ -181,4 +229,4 @@ class StateReport:
             'rate [Hz]': f'{timing.rate:.1f}',
             'jitter, standard deviation [ms]': f'{1e3 * timing.jitter:.3f}',
             'longest interval [ms]': f'{1e3 * timing.longest:.3f}',
-            'late states': late})
+            'late states': self._timing.late})

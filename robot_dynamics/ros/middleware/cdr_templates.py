@@ -198,7 +198,7 @@ def _skeleton(left_out: Sequence[tuple[int, int]], length: int) -> struct.Struct
 
 class CdrWriter:
     """
-    Serializes the parts of effort messages.
+    Serializes the parts of messages.
 
     rclpy's `serialize_message` leaves undefined bytes between strings and after the end, which
     strict readers reject.
@@ -222,25 +222,29 @@ class CdrWriter:
         self.uint32(len(encoded))
         self.data += encoded
 
-    def floats(self, n: int) -> int:
-        """Write a sequence of n zeros as float64; return the position of the first."""
+    def floats(self, n: int) -> slice:
+        """Write a sequence of n zeros as float64; return their position."""
         self.uint32(n)
+        return self.numbers(n)
+
+    def numbers(self, n: int) -> slice:
+        """Write n zeros as float64; return their position."""
         if n:
             self.align(8)
         self.data += bytes(8 * n)
-        return len(self.data) - 8 * n
+        return slice(len(self.data) - 8 * n, len(self.data))
 
 
 class MessageTemplate:
     """A serialized message whose numbers and stamp can be replaced."""
 
-    def __init__(self, data: bytearray, starts: Sequence[int], n: int, has_stamp: bool) -> None:
-        """Store the positions of n numbers each, and whether the message begins with a stamp."""
+    def __init__(self, data: bytearray, places: Sequence[slice], has_stamp: bool = True) -> None:
+        """Store the positions of the numbers, and whether the message begins with a stamp."""
         self._data, self._has_stamp = data, has_stamp
-        self._places = [slice(start, start + 8 * n) for start in starts]
+        self._places = places
 
     def filled(self, stamp: bytes, *numbers: FloatArray) -> bytes:
-        """Return the message with these numbers, (n,) per position, and this stamp."""
+        """Return the message with these numbers, as many as each position has, and this stamp."""
         data = self._data
         if self._has_stamp:
             data[STAMP] = stamp
@@ -258,19 +262,32 @@ def state_template(
     joint_names: Sequence[str], has_motion: bool = True, has_effort: bool = True,
 ) -> MessageTemplate:
     """Return the template of a `sensor_msgs/JointState`; its numbers are in message order."""
-    n = len(joint_names)
+    n, writer = len(joint_names), _begun(joint_names)
+    places = [  # position, velocity, effort
+        writer.floats(n if is_there else 0) for is_there in (has_motion, has_motion, has_effort)]
+    return MessageTemplate(writer.data, [place for place in places if place.start < place.stop])
+
+
+def terms_template(joint_names: Sequence[str]) -> MessageTemplate:
+    """
+    Return the template of a `robot_dynamics_interfaces/DynamicsTerms`.
+
+    Its numbers are the six efforts (n,) in message order, and both energies (2,).
+    """
+    n, writer = len(joint_names), _begun(joint_names)
+    places = [writer.floats(n) for _ in range(6)]
+    return MessageTemplate(writer.data, [*places, writer.numbers(2)])
+
+
+def _begun(joint_names: Sequence[str]) -> CdrWriter:
+    """Return a message that begins with a header and joint names."""
     writer = CdrWriter()
     writer.data += bytes(8)  # header.stamp
     writer.text('')  # header.frame_id
-    writer.uint32(n)
+    writer.uint32(len(joint_names))
     for name in joint_names:
         writer.text(name)
-    starts = []
-    for is_there in (has_motion, has_motion, has_effort):  # position, velocity, effort
-        start = writer.floats(n if is_there else 0)
-        if is_there:
-            starts.append(start)
-    return MessageTemplate(writer.data, starts, n, has_stamp=True)
+    return writer
 
 
 def array_template(n: int) -> MessageTemplate:
@@ -278,7 +295,7 @@ def array_template(n: int) -> MessageTemplate:
     writer = CdrWriter()
     writer.uint32(0)  # layout.dim
     writer.uint32(0)  # layout.data_offset
-    return MessageTemplate(writer.data, [writer.floats(n)], n, has_stamp=False)
+    return MessageTemplate(writer.data, [writer.floats(n)], has_stamp=False)
 
 
 def stamp_bytes(nanoseconds: int) -> bytes:

@@ -12,9 +12,7 @@ from rclpy.node import Node
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 PERIOD = 1.0
-"""[s] between two messages."""
-LOOK_PERIOD = 0.1
-"""[s] between two checks for a change."""
+"""[s] between two messages without a change."""
 
 
 STIFFNESS, FRICTION_ERROR = 'stiffness of', 'error that known dry friction can hold at'
@@ -52,25 +50,19 @@ class Diagnostics:
     """Publishes the statuses of `look` by a steady clock, which a paused /clock does not stop."""
 
     def __init__(self, node: Node, look: Callable[[], Sequence[Status]]) -> None:
-        """`look` returns all statuses; it is called ten times per second."""
+        """`look` returns all statuses; it is called once per second, and by `look_now`."""
         self._node = node
         self._look = look
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._reported: dict[str, tuple[bytes, object]] = {}
-        self._looks = 0
-        node.create_timer(LOOK_PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(PERIOD, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.look_now = node.create_guard_condition(self._report_changes).trigger
         """Check for a change at once; may be called in any thread."""
-
-    def _tick(self) -> None:
-        due = self._looks % round(PERIOD / LOOK_PERIOD) == 0
-        self._looks += 1
-        self._report(even_unchanged=due)
 
     def _report_changes(self) -> None:
         self._report(even_unchanged=False)
 
-    def _report(self, even_unchanged: bool) -> None:
+    def _report(self, even_unchanged: bool = True) -> None:
         statuses = self._look()
         found = {status.name: (status.level, status.event) for status in statuses}
         if not even_unchanged and found == self._reported:

@@ -125,6 +125,13 @@ class GuardedCallbacks(Node):
         return super().create_timer(
             timer_period_sec, self._guarded(callback, 'a timer'), *args, **more)
 
+    def create_guard_condition(
+        self, callback: Callable[..., None], *args: object, **more: object,
+    ) -> Any:
+        """Create a guard condition whose callback cannot end the node."""
+        return super().create_guard_condition(
+            self._guarded(callback, 'a guard condition'), *args, **more)
+
     def call_when_spun(self, callback: Callable[[], None]) -> None:
         """Call back once, in the executor, when any executor first spins this node."""
         waiting = [callback]
@@ -133,7 +140,7 @@ class GuardedCallbacks(Node):
             while waiting:  # a MultiThreadedExecutor may call a guard condition twice
                 waiting.pop()()
 
-        self.create_guard_condition(self._guarded(call, 'the first spin')).trigger()
+        self.create_guard_condition(call).trigger()
 
     def create_service(
         self, srv_type: Any, srv_name: str, callback: Callable[..., object], *args: object,

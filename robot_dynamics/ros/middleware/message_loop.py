@@ -7,8 +7,7 @@ Hand each joint state to the control path with little delay.
 rclpy's executors rebuild their wait set from every service, timer and subscription of the node
 for each message or request, and run one callback at a time, so that a long service call delays
 control. Here a separate thread waits on a wait set that has only the state subscription, as
-rclpy.wait_for_message does. With `in_thread=False` the executor of the node serves the
-subscription instead.
+rclpy.wait_for_message does.
 """
 
 from collections.abc import Callable, Hashable
@@ -19,8 +18,7 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.ros.middleware.message_bytes import UnreadableMessageError
-from robot_dynamics.ros.middleware.rclpy_internals import message_inbox, MessageInbox, raw_take
-from robot_dynamics.ros.middleware.spun_inbox import SpunInbox
+from robot_dynamics.ros.middleware.rclpy_internals import message_inbox
 
 TURN = 100_000_000
 """[ns] after which a wait checks whether the loop must end."""
@@ -44,7 +42,7 @@ class MessageLoop:
     def __init__(
         self, node: Node, message_type: type, topic: str, qos: QoSProfile,
         read: Callable[[bytes], Any], callback: Callable[[Any], None],
-        refuse: Callable[[UnreadableMessageError], None], in_thread: bool = True,
+        refuse: Callable[[UnreadableMessageError], None],
         source: Callable[[Any], Hashable] = _one_source,
     ) -> None:
         """
@@ -57,30 +55,19 @@ class MessageLoop:
         self._read, self._callback, self._refuse = read, callback, refuse
         self._source = source
         self._stop = False
-        self._inbox: MessageInbox | SpunInbox | None = None
-        self._thread: threading.Thread | None = None
-        if in_thread:
-            self._inbox = inbox = message_inbox(node, message_type, topic, qos)
-            self._subscription, self._take_next = inbox.subscription, inbox.take
-            self._thread = threading.Thread(
-                target=self._run, args=(inbox.wait,), name=f'{topic} loop', daemon=True)
-        else:
-            self._subscription = node.create_subscription(
-                message_type, topic, self._deliver_in_executor, qos, raw=True)
-            self._take_next = raw_take(self._subscription, message_type)
-
-    def start(self) -> None:
-        """Start the thread."""
-        if self._thread is not None:
-            self._thread.start()
+        self._inbox = inbox = message_inbox(node, message_type, topic, qos)
+        self._subscription, self._take_next = inbox.subscription, inbox.take
+        self._thread = threading.Thread(
+            target=self._run, args=(inbox.wait,), name=f'{topic} loop', daemon=True)
+        self.start = self._thread.start
+        """Starts the thread."""
 
     def stop(self) -> None:
         """End the thread, before the node is destroyed."""
         self._stop = True
-        if self._thread is not None and self._thread.is_alive():
+        if self._thread.is_alive():
             self._thread.join()
-        if self._inbox is not None:
-            self._inbox.close()
+        self._inbox.close()
 
     @property
     def topic(self) -> str:
@@ -101,10 +88,6 @@ class MessageLoop:
             data = None if self._stop else self._take()
             if data is not None:  # None if the wait has timed out
                 self._deliver(data)
-
-    def _deliver_in_executor(self, data: bytes) -> None:
-        with np.errstate(over='ignore', invalid='ignore'):
-            self._deliver(data)
 
     def _deliver(self, data: bytes) -> None:
         """Deliver this message at once, and the newest ones of those that wait after it."""

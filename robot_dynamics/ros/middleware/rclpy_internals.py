@@ -130,20 +130,6 @@ LEFT_TO_A_THREAD = _LeftToAThread()
 """The group of entities that only a thread of this package waits on."""
 
 
-def raw_take(subscription: Subscription, message_type: type) -> Callable[[], Taken | None]:
-    """
-    Return a function that takes the next message of a subscription, or None.
-
-    It is `Subscription.handle.take_message`: the documented interface takes one message per
-    callback, also those that are outdated by then. Fallback: a function that returns None, so that
-    the executor delivers every message.
-    """
-    try:
-        return functools.partial(getattr(_handle(subscription), TAKE_MESSAGE), message_type, True)
-    except _ABSENT:
-        return lambda: None
-
-
 class MessageInbox:
     """
     The messages of one topic, as bytes, for a thread that waits for them and takes them.

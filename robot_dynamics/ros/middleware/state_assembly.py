@@ -6,7 +6,7 @@ States of one arm from messages that contain all of its joints, some, or none.
 
 Several publishers may share the topic `joint_states`: an arm, a gripper, the halves of an arm. A
 message with all joints of the arm is a state. Messages with some of the joints are combined: the
-state is complete when every joint has a sample that is not too old. It has the newest stamp.
+state is complete when every joint has a sample of the last half period. It has the newest stamp.
 """
 
 from typing import NamedTuple
@@ -63,16 +63,10 @@ class _Buffer(NamedTuple):
 class StateAssembly:
     """Assembles the states of one arm."""
 
-    def __init__(
-        self, joint_names: tuple[str, ...], max_age: float = 0.0, is_exact: bool = False,
-    ) -> None:
-        """
-        `max_age` [s] is the largest age of a sample, 0 for half of a period.
-
-        With `is_exact`, messages with other joints are errors.
-        """
+    def __init__(self, joint_names: tuple[str, ...], is_exact: bool = False) -> None:
+        """With `is_exact`, messages with other joints are errors."""
         n = len(joint_names)
-        self._names, self.max_age, self._is_exact = joint_names, max_age, is_exact
+        self._names, self._is_exact = joint_names, is_exact
         self.whole: Layout | None = None
         """The last layout of messages with all joints."""
         self._parts: dict[tuple[str, ...], _Part] = {}
@@ -132,6 +126,4 @@ class StateAssembly:
 
     def _largest_age(self) -> float:
         """Return the largest age of a sample [ns]; 0 until the period is known."""
-        if self.max_age > 0.0:
-            return 1e9 * self.max_age
         return HALF_PERIOD * max(part.period for part in self._parts.values())

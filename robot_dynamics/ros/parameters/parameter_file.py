@@ -13,7 +13,7 @@ from typing import Any
 from rclpy.node import Node
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
-from robot_dynamics.yaml_text import load_yaml
+from robot_dynamics.urdf.yaml_text import load_yaml
 
 
 class ParameterFile:

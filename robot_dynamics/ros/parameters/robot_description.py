@@ -41,7 +41,7 @@ DESCRIPTION_SPECS = (
         'locked.'), read_only=True),
     numbers('gravity', -1000.0, 1000.0, (
         'Gravitational acceleration in the base frame [m/s²]. A change at run time takes effect '
-        'gradually in dynamics (gravity_rate_limit), at once in simulated_arm.'),
+        'gradually in dynamics (20 m/s³), at once in simulated_arm.'),
         default=[0.0, 0.0, -9.81]),
 )
 MEASURED_EFFORT_SPEC = text('measured_effort', 'joint_torque', (
@@ -83,7 +83,6 @@ ACTUATOR_SPECS = (
         'the mechanicalReduction of the <transmission> in the URDF', -1e6, 1e6),
     _actuator_spec('back_emf_constant', 'Back-EMF constant K_e [V·s/rad]', 'K_t', 0, 1e6),
     _actuator_spec('resistance', 'Winding resistance R [Ohm]', '0', 0, 1e6),
-    _actuator_spec('inductance', 'Winding inductance L [H]', '0', 0, 1e6),
     _actuator_spec(
         'rotor_inertia', 'Rotor inertia J_r [kg·m²] about the motor axis', '0', 0, 1e6),
     _actuator_spec(
@@ -92,16 +91,19 @@ ACTUATOR_SPECS = (
     _actuator_spec('efficiency', 'Efficiency of the gear, in (0, 1]', '1', 0, 1),
     _actuator_spec('current_limit', 'Largest motor current [A]', 'there is no limit', 0, 1e6),
     _actuator_spec('voltage_limit', 'Largest motor voltage [V]', 'there is no limit', 0, 1e6),
-    _actuator_spec(
-        'current_time_constant', 'Time constant T_c [s] of the current loop, in simulated_arm',
-        '0.0002', 0, 10),
-    _actuator_spec(
-        'backlash', 'Backlash of the gear on the joint side [rad] or [m], the whole gap, in '
-        'simulated_arm; requires rotor_inertia or reflected_inertia', '0', 0, 1),
-    _actuator_spec(
-        'restitution', 'Coefficient of restitution e of the gear teeth at contact, in [0, 1], in '
-        'simulated_arm', '0', 0, 1),
 )
+SIMULATED_ACTUATOR_SPECS = (
+    _actuator_spec('inductance', 'Winding inductance L [H]', '0', 0, 1e6),
+    _actuator_spec(
+        'current_time_constant', 'Time constant T_c [s] of the current loop', '0.0002', 0, 10),
+    _actuator_spec(
+        'backlash', 'Backlash of the gear on the joint side [rad] or [m], the whole gap; '
+        'requires rotor_inertia or reflected_inertia', '0', 0, 1),
+    _actuator_spec(
+        'restitution', 'Coefficient of restitution e of the gear teeth at contact, in [0, 1]', '0',
+        0, 1),
+)
+"""Parameters that act in a simulation only."""
 UNCERTAINTY_SPECS = (
     texts('uncertainty.parameters', (
         'Names of the model parameters whose covariance is known, such as mz(LINK), '

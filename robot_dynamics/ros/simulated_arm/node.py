@@ -57,6 +57,7 @@ SPECS = (
     *robot_description.DESCRIPTION_SPECS,
     *robot_description.FRICTION_SPECS,
     *robot_description.ACTUATOR_SPECS,
+    *robot_description.SIMULATED_ACTUATOR_SPECS,
     *robot_description.DRIVE_SPECS,
     *PAYLOAD_SPECS,
     robot_description.ROBOT_GRAVITY_SPEC,

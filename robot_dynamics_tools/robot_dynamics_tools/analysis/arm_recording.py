@@ -14,7 +14,8 @@ from robot_dynamics.joints.effort_convention import MOTOR_SIDE
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics_tools.analysis.velocity_check import contradicts_position
-from robot_dynamics_tools.recordings.reader import JointSeries, Recording
+from robot_dynamics_tools.recordings.joint_series import JointSeries
+from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.recordings.sample_faults import counted
 from robot_dynamics_tools.recordings.topics import ROBOT_DESCRIPTION
 from robot_dynamics_tools.reporting.text_table import percent

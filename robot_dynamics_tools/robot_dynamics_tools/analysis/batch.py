@@ -27,12 +27,7 @@ from typing import Any, Generic, get_type_hints, TypeVar
 import robot_dynamics
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics_tools.analysis.result_store import (
-    from_plain,
-    load_result,
-    plain_value,
-    save_result,
-)
+from robot_dynamics_tools.analysis import result_store
 from robot_dynamics_tools.recordings.bag_files import METADATA, storage_groups
 
 Settings = TypeVar('Settings')
@@ -114,13 +109,14 @@ def _execute(
         if cache is None:
             return TaskOutcome(bag, function(bag, settings))
         key = task_key(function, bag, settings, code)
-        plain = load_result(cache, key)
+        plain = result_store.load_result(cache, key)
         if plain is not None:
-            kept = from_plain(get_type_hints(_plain_function(function)).get('return'), plain)
+            kept = result_store.from_plain(
+                get_type_hints(_plain_function(function)).get('return'), plain)
             if is_valid is None or is_valid(bag, kept):
                 return TaskOutcome(bag, kept, resumed=True)
         result = function(bag, settings)
-        save_result(cache, key, result)
+        result_store.save_result(cache, key, result)
         return TaskOutcome(bag, result)
     except RobotDynamicsError as error:
         return TaskOutcome(bag, error=str(error))
@@ -140,7 +136,7 @@ def task_key(
     # The path as well, because the outputs contain it.
     name = _plain_function(function)
     about = (name.__module__, name.__qualname__, str(bag.resolve()), code, settings)
-    digest.update(json.dumps(about, sort_keys=True, default=plain_value).encode())
+    digest.update(json.dumps(about, sort_keys=True, default=result_store.plain_value).encode())
     for file in _files_of(bag):
         digest.update(f'\0{file.name}\0{file.stat().st_size}\0'.encode())
         with file.open('rb') as opened:

@@ -15,20 +15,14 @@ drives the motion and negative rotors are left out, so that they cannot explain 
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.presliding import presliding_state
+from robot_dynamics.model import pseudo_inertia
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
-from robot_dynamics.model.pseudo_inertia import (
-    COUNT,
-    parameters_of,
-    regularizing_roots,
-    relative_rows,
-)
 from robot_dynamics.model.regressor import inertial_parameters, TorqueRegressor
 from robot_dynamics_tools.analysis.motion_filter import (
     filter_like,
@@ -69,13 +63,6 @@ _ROTOR, _SLIDING = 0, 2  # own columns of a joint: rotor, offset, then friction
 _MOST_CAUSES = 8
 
 
-class Contradictions(NamedTuple):
-    """The delay of the effort [s], 0 if it is none, and the likely causes, in sentences."""
-
-    delay: float = 0.0
-    causes: tuple[str, ...] = ()
-
-
 @dataclass(frozen=True)
 class _Hypothesis:
     """Further columns, delay [s] and unit of the effort, and joints of wrong sign."""
@@ -95,9 +82,9 @@ class _Hypothesis:
             self.unit * other.unit)
 
 
-def find_contradictions(arm: ArmModel, motion: FilteredMotion) -> Contradictions:
+def find_contradictions(arm: ArmModel, motion: FilteredMotion) -> tuple[float, tuple[str, ...]]:
     """
-    Return the delay of the effort, and the likely causes of a contradiction.
+    Return the delay [s] of the effort, 0 for none, and the likely causes of a contradiction.
 
     `motion` has the effort at the joints of `arm`, in its order. Raises RecordingError if it is in
     degrees.
@@ -113,7 +100,7 @@ def find_contradictions(arm: ArmModel, motion: FilteredMotion) -> Contradictions
         if cost - least < test.freedom * gain:
             break
         accepted, cost, least_gain = best, least, gain
-    return Contradictions(test.refined_delay(accepted), tuple(test.causes(accepted)))
+    return test.refined_delay(accepted), tuple(test.causes(accepted))
 
 
 def _check_degrees(arm: ArmModel, motion: FilteredMotion, cost: float) -> None:
@@ -184,7 +171,7 @@ class _Test:
                     - body.inverse_dynamics_batch(q + step, v, a)) / (2.0 * _STEP)
                    for step in _STEP * np.eye(n)]
         loads = [column * (t[rows] > time)[:, np.newaxis] for time in self.times
-                 for column in np.moveaxis(Y[:, :, -COUNT:][:, :, :_LOAD], 2, 0)]
+                 for column in np.moveaxis(Y[:, :, -pseudo_inertia.COUNT:][:, :, :_LOAD], 2, 0)]
         efforts = [np.stack([np.interp(t[rows] + delay, t, column)
                              for column in motion.measured_effort.T], axis=1) for delay in DELAYS]
         Z = np.concatenate([own, Y, np.stack(
@@ -192,11 +179,13 @@ class _Test:
         self._products = np.einsum('mja,mjb->jab', Z, Z, optimize=True) / len(rows)
         self._own, self._p = own.shape[2], Y.shape[2]
         self.gravity, self.effort = self._p, Z.shape[2] - self._own - len(DELAYS)
-        roots = regularizing_roots(inertial_parameters(arm))
-        self._prior = np.concatenate([parameters_of(root @ root.T) for root in roots])
+        roots = pseudo_inertia.regularizing_roots(inertial_parameters(arm))
+        self._prior = np.concatenate(
+            [pseudo_inertia.parameters_of(root @ root.T) for root in roots])
         self._regularization = np.zeros((self._p, self._p))
         for i, root in enumerate(roots):
-            W, part = relative_rows(root), slice(COUNT * i, COUNT * (i + 1))
+            W = pseudo_inertia.relative_rows(root)
+            part = slice(len(W) * i, len(W) * (i + 1))
             self._regularization[part, part] = W.T @ W * (
                 _ANY_LOAD if i == len(roots) - 1 else _REGULARIZATION)
         power = self._products.diagonal(axis1=1, axis2=2)[:, -len(DELAYS):]

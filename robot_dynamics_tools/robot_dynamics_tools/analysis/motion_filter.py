@@ -12,7 +12,6 @@ parameters of robots", J. Robotic Systems 8(4), 1991; J. Swevers, W. Verdonck, J
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray, NANOSECONDS_PER_SECOND
@@ -21,7 +20,7 @@ from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools.analysis.cutoff import choose_cutoff, Cutoff, HIGHEST_FRACTION
 from robot_dynamics_tools.analysis.velocity_check import contradicts_position
-from robot_dynamics_tools.recordings.reader import JointSeries
+from robot_dynamics_tools.recordings.joint_series import JointSeries
 
 FILTER_ORDER = 4
 LEAST_SAMPLES = 4 * (FILTER_ORDER + 1)
@@ -80,13 +79,6 @@ class FilteredMotion:
         if self.effort is None:
             raise RecordingError('the recording has no effort, expected the measured effort')
         return self.effort
-
-
-class _Signals(NamedTuple):
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    effort: FloatArray | None
 
 
 def filter_motion(series: JointSeries, cutoff_hz: float | None = None) -> FilteredMotion:
@@ -150,6 +142,7 @@ def _join(
     series: JointSeries, segments: list[IntArray], cutoff: Cutoff, rate: float, bad: BoolArray,
 ) -> FilteredMotion:
     parts = [_filter_segment(series, rows, cutoff.hz, rate, bad) for rows in segments]
+    signals = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     rows = np.concatenate(segments)
     ends = [series.times[part[[0, -1]]] for part in segments]
     usable = np.concatenate([
@@ -159,11 +152,10 @@ def _join(
     return FilteredMotion(
         joint_names=series.joint_names,
         stamps_ns=series.stamps_ns[rows],
-        position=np.concatenate([part.position for part in parts]),
-        velocity=np.concatenate([part.velocity for part in parts]),
-        acceleration=np.concatenate([part.acceleration for part in parts]),
-        effort=None if series.effort is None else np.concatenate(
-            [part.effort for part in parts if part.effort is not None]),
+        position=signals['position'],
+        velocity=signals['velocity'],
+        acceleration=signals['acceleration'],
+        effort=signals.get('effort'),
         cutoff_hz=cutoff.hz,
         sample_rate_hz=rate,
         cutoff_reason=cutoff.reason,
@@ -172,17 +164,15 @@ def _join(
         left_out=len(series.stamps_ns) - len(rows),
         differentiated=tuple(
             name for name, is_bad in zip(series.joint_names, bad) if is_bad),
-        effort_noise=_noise(series, rows, parts, cutoff.hz, rate))
+        effort_noise=() if series.effort is None else _noise(
+            series.effort[rows], signals['effort'], cutoff.hz, rate))
 
 
 def _noise(
-    series: JointSeries, rows: IntArray, parts: list[_Signals], cutoff_hz: float, rate: float,
+    recorded: FloatArray, effort: FloatArray, cutoff_hz: float, rate: float,
 ) -> tuple[float, ...]:
     """Return the deviation of white noise after the filter, from what the filter removed."""
-    if series.effort is None:
-        return ()
-    effort = np.concatenate([part.effort for part in parts if part.effort is not None])
-    removed = NORMAL * np.median(np.abs(series.effort[rows] - effort), axis=0)
+    removed = NORMAL * np.median(np.abs(recorded - effort), axis=0)
     passed = 1.0 / samples_per_independent_sample(cutoff_hz, rate)
     rms = np.sqrt(np.mean(effort**2, axis=0))
     return tuple((removed * np.sqrt(passed / (1.0 - passed)) / np.maximum(rms, 1e-300)).tolist())
@@ -221,7 +211,8 @@ def _smooth(
 
 def _filter_segment(
     series: JointSeries, rows: IntArray, cutoff_hz: float, rate: float, bad: BoolArray,
-) -> _Signals:
+) -> dict[str, FloatArray]:
+    """Return position, velocity, acceleration and effort (m, n), if it was recorded."""
     times = series.times[rows]
     make_spline = optional('scipy.interpolate', 'filtering').make_interp_spline
 
@@ -236,10 +227,11 @@ def _filter_segment(
         grid, recorded = smooth(series.velocity)
         velocity = make_spline(
             grid, np.where(bad, position.derivative()(grid), recorded), k=5)
-    effort = None if series.effort is None else make_spline(*smooth(series.effort), k=3)(times)
-    return _Signals(
-        np.asarray(position(times)), np.asarray(velocity(times)),
-        np.asarray(velocity.derivative()(times)), effort)
+    found = {'position': position(times), 'velocity': velocity(times),
+             'acceleration': velocity.derivative()(times)}
+    if series.effort is not None:
+        found['effort'] = make_spline(*smooth(series.effort), k=3)(times)
+    return found
 
 
 def zero_phase(values: FloatArray, cutoff_hz: float, rate_hz: float) -> FloatArray:

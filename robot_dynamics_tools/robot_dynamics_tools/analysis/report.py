@@ -17,18 +17,17 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.html_page import Grade, Origin, Page, Verdict
+from robot_dynamics.joints.units import units_of
+from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis, LimitUse
 from robot_dynamics_tools.analysis.residual import ResidualStatistics
 from robot_dynamics_tools.reporting.figures import (
     comparison_panels,
     effort_panel,
-    joint_figure,
     Panel,
     scatter_figure,
 )
-from robot_dynamics_tools.reporting.images import add_figure, png
-from robot_dynamics_tools.reporting.interactive import zoomable_figures
+from robot_dynamics_tools.reporting.interactive import add_figure, add_time_figures
 from robot_dynamics_tools.reporting.text_table import percent, Rows
 
 
@@ -56,7 +55,7 @@ def residual_rows(statistics: ResidualStatistics, joint_kinds: Sequence[str]) ->
         'joint', 'RMS measured', 'RMS residual', 'relative', 'mean residual', 'largest residual',
         'R²')]
     for j, (name, kind) in enumerate(zip(statistics.joint_names, joint_kinds)):
-        unit = 'N' if kind == 'prismatic' else 'N·m'
+        unit = units_of(kind).effort
         rows.append((
             name, f'{statistics.rms_measured[j]:.3f} {unit}', f'{statistics.rms[j]:.3f} {unit}',
             percent(statistics.relative[j]), f'{statistics.mean[j]:+.3f} {unit}',
@@ -71,11 +70,10 @@ def limit_use_rows(
     rows: Rows = [(
         'joint', f'largest {whose} effort', 'largest velocity', 'margin to position limit')]
     for j, (name, kind) in enumerate(zip(joint_names, joint_kinds)):
-        unit = 'm' if kind == 'prismatic' else 'rad'
         distance = use.position[j]
         rows.append((
             name, _of_limit(use.effort[j]), _of_limit(use.velocity[j]),
-            'no limit' if np.isnan(distance) else f'{distance:.3f} {unit}'))
+            'no limit' if np.isnan(distance) else f'{distance:.3f} {units_of(kind).position}'))
     return rows
 
 
@@ -191,25 +189,14 @@ def effort_panels(analysis: BagAnalysis) -> list[Panel]:
     return panels
 
 
-def effort_figure(analysis: BagAnalysis) -> Any:
-    """Return the figure of `effort_panels`."""
-    arm = analysis.arm
-    compared = (
-        'measured and modelled effort' if analysis.measured is not None else 'effort of the model')
-    return joint_figure(
-        f'{arm.name}: {compared} at the recorded motion', arm.joint_names, arm.joint_kinds,
-        effort_panels(analysis))
-
-
 def friction_figure(analysis: BagAnalysis) -> Any | None:
     """Return the figure of residual over velocity, or None if no effort was measured."""
     if analysis.residual is None:
         return None
     arm, counts = analysis.arm, analysis.motion.usable
     return scatter_figure(
-        'Residual over velocity: effects of velocity only appear as a line or a step',
-        arm.joint_names, arm.joint_kinds, analysis.motion.velocity[counts],
-        analysis.residual[counts])
+        'Residual over velocity: effects of velocity only appear as a line or a step', arm,
+        analysis.motion.velocity[counts], analysis.residual[counts])
 
 
 def _with_gaps(analysis: BagAnalysis, values: FloatArray) -> FloatArray:
@@ -225,12 +212,6 @@ def write_report(analysis: BagAnalysis, path: Path, origin: Origin) -> None:
 
     Raises OSError, MissingDependencyError without matplotlib.
     """
-    efforts = png(effort_figure(analysis))
-    path.with_suffix('.png').write_bytes(efforts)
-    path.write_text(_page(analysis, origin, efforts), encoding='utf-8')
-
-
-def _page(analysis: BagAnalysis, origin: Origin, efforts: bytes) -> str:
     read, arm = analysis.recording, analysis.arm
     title = f'{read.path.name}: measured effort and model' if analysis.measured is not None else (
         f'{read.path.name}: effort of the model')
@@ -250,11 +231,12 @@ def _page(analysis: BagAnalysis, origin: Origin, efforts: bytes) -> str:
         analysis.limit_use, arm.joint_names, arm.joint_kinds,
         'model' if analysis.measured is None else 'measured'))
     page.section('Effort over time')
-    figures = zoomable_figures(
-        arm.joint_names, arm.joint_kinds, effort_panels(analysis), None, efforts,
-        'Measured and model effort')
-    page.add(figures.figures, figures.head)
+    compared = (
+        'measured and modelled effort' if analysis.measured is not None else 'effort of the model')
+    path.with_suffix('.png').write_bytes(add_time_figures(
+        page, arm, f'{arm.name}: {compared} at the recorded motion', effort_panels(analysis),
+        'Measured and model effort'))
     if scatter is not None:
         page.section('Residual over velocity')
         add_figure(page, scatter, 'Residual over velocity')
-    return page.html()
+    path.write_text(page.html(), encoding='utf-8')

@@ -4,6 +4,7 @@
 """The samples of an analysis as files: a table (CSV or Parquet) and a recording of the terms."""
 
 from collections.abc import Iterator, Mapping
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,12 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis
 from robot_dynamics_tools.analysis.motion_filter import FilteredMotion
 from robot_dynamics_tools.recordings.bag_files import METADATA
-from robot_dynamics_tools.recordings.message_encoding import (
+from robot_dynamics_tools.recordings.messages import (
     dynamics_terms_messages,
     joint_state_messages,
 )
-from robot_dynamics_tools.recordings.reader import JOINT_STATE, RecordingWriter
-from robot_dynamics_tools.recordings.topics import DYNAMICS_TERMS, DYNAMICS_TERMS_TEXT
+from robot_dynamics_tools.recordings.topics import DYNAMICS_TERMS, JOINT_STATE
+from robot_dynamics_tools.recordings.writer import RecordingWriter
 
 TERMS_TOPIC, RESIDUAL_TOPIC = '/dynamics/terms', '/dynamics_monitor/residual'
 _ROWS = 1000
@@ -61,7 +62,7 @@ def write_csv(analysis: BagAnalysis, path: Path) -> None:
     line = '%d,%d' + len(columns) * ',%.10g' + '\n'
     names = ('stamp [ns]', 'counts', *columns)
     with path.open('w', encoding='utf-8', newline='') as file:
-        file.write(','.join(_quoted(name) for name in names) + '\n')
+        csv.writer(file, lineterminator='\n').writerow(names)
         motion, values = analysis.motion, list(columns.values())
         for at in range(0, len(motion.stamps_ns), _ROWS):
             part = slice(at, at + _ROWS)
@@ -69,10 +70,6 @@ def write_csv(analysis: BagAnalysis, path: Path) -> None:
             file.writelines(
                 line % (stamp, counts, *row) for stamp, counts, row in zip(
                     motion.stamps_ns[part].tolist(), motion.usable[part].tolist(), numbers))
-
-
-def _quoted(name: str) -> str:
-    return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n') else name
 
 
 def write_parquet(analysis: BagAnalysis, path: Path) -> None:
@@ -97,7 +94,7 @@ def write_terms(analysis: BagAnalysis, directory: Path) -> None:
     is replaced. Raises RecordingError if the directory contains anything else.
     """
     _remove_recording(directory)
-    with RecordingWriter(directory, {DYNAMICS_TERMS: DYNAMICS_TERMS_TEXT}) as writer:
+    with RecordingWriter(directory) as writer:
         stamps = analysis.motion.stamps_ns.tolist()
         for topic, kind, messages in _messages(analysis):
             writer.add_topic(topic, kind)

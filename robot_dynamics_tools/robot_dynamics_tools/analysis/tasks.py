@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from robot_dynamics.html_page import Origin
+from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
 from robot_dynamics_tools.analysis.bag_analysis import analyze_recording, LimitUse
 from robot_dynamics_tools.analysis.report import facts, write_report

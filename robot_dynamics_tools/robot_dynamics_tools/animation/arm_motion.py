@@ -16,7 +16,7 @@ from robot_dynamics.control.laws.error_feedback import ErrorFeedback, make_gains
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
-from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.joints.units import units_of
 from robot_dynamics_tools.animation.arm_motion import ArmMotion
 from robot_dynamics_tools.reporting import figures
 
@@ -92,11 +93,10 @@ class EffortPanel:
             and (name != 'friction' or motion.terms['friction'].any())]
         self._values = np.column_stack([motion.terms[name][:, joint] for name in self._names])
         largest = _ROOM * max(float(np.abs(self._values).max()), 1e-3)
-        prismatic = motion.arm.joint_kinds[joint] == 'prismatic'
         self._bars = _Bars(
             axes, [self._word(name) for name in self._names],
             [figures.LINES[name].colour for name in self._names],
-            -largest, largest, 'N' if prismatic else 'N·m')
+            -largest, largest, units_of(motion.arm.joint_kinds[joint]).effort)
         figures.title_axes(axes, f'Effort at {motion.arm.joint_names[joint]}')
 
     def _word(self, term: str) -> str:

@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Compare the effort of recordings with that of a model: `analyze BAG… --urdf URDF`.
+Compare the measured effort of recorded joint states with inverse dynamics of a model.
+
+Prints the residual per joint and the use of limits, and writes them with the effort by term.
+Reads rosbag2 recordings (sqlite3 or MCAP).
 
 Exit status: 0 done; 1 some recordings failed, which are listed; 2 a mistake in the arguments, or
 no recording could be analysed; 130 interrupted.
@@ -13,12 +16,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-import sys
 
 import numpy as np
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.html_page import Origin
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
 from robot_dynamics_tools.analysis import tasks
@@ -35,23 +36,7 @@ from robot_dynamics_tools.reporting.text_table import percent, quantity_table, t
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
-    arguments = _parser().parse_args(argv)
-    interrupted = 'interrupted' + (
-        '; run the same command to resume' if arguments.output else '')
-    origin = command_line.origin_of(
-        'analyze', argv, arguments.urdf, f'{ROBOT_DESCRIPTION} of the recording')
-    return command_line.run_tool(
-        'analyze', partial(_run, arguments, origin), interrupted=interrupted)
-
-
-def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='analyze',
-        description='Compare the measured effort of recorded joint states with inverse dynamics '
-                    'of a model:\nresidual per joint, effort by term, use of limits. '
-                    'Reads rosbag2 recordings\n(sqlite3 or MCAP).',
-        epilog='exit status: 0 done, 1 some recordings failed, 2 a mistake in the arguments or '
-               'no recording\ncould be analysed, 130 interrupted')
+    parser = command_line.Parser(prog='analyze', description=__doc__)
     options.add_recordings(parser, 'the description in the recording')
     options.add_cutoff(parser)
     options.add_parameters(
@@ -67,10 +52,10 @@ def _parser() -> command_line.Parser:
         help=f'Write neither {tasks.REPORT} nor {tasks.PICTURE}')
     command_line.add_force(parser)
     options.add_workers(parser)
-    return parser
+    return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
 
-def _run(arguments: argparse.Namespace, origin: Origin) -> int:
+def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     with_figure = arguments.output is not None and not arguments.no_report
     require('the tool', 'rosbags', 'yaml', 'scipy', *(['matplotlib'] if with_figure else []))
     if arguments.parquet:
@@ -82,7 +67,8 @@ def _run(arguments: argparse.Namespace, origin: Origin) -> int:
     bags = find_recordings(arguments.bags, arguments.output)
     names = relative_names(bags)
     settings = options.read_settings(arguments)
-    task = tasks.AnalysisTask(settings, _outputs(arguments), origin=origin)
+    task = tasks.AnalysisTask(settings, _outputs(arguments), origin=command_line.origin_of(
+        'analyze', argv, arguments.urdf, f'{ROBOT_DESCRIPTION} of the recording'))
     kept, each = None, None
     if task.outputs:
         places = [
@@ -122,12 +108,9 @@ def _run_with_progress(
 
 
 def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
-    if arguments.output is None:
-        return ()
-    left_out = set() if arguments.parquet else {tasks.PARQUET}
-    if arguments.no_report:
-        left_out |= {tasks.REPORT}
-    return tuple(name for name in tasks.OUTPUTS if name not in left_out)
+    is_left_out = {tasks.PARQUET: not arguments.parquet, tasks.REPORT: arguments.no_report}
+    return tuple(name for name in tasks.OUTPUTS
+                 if arguments.output is not None and not is_left_out.get(name, False))
 
 
 def print_one(result: tasks.AnalysisResult, is_resumed: bool) -> None:
@@ -176,7 +159,3 @@ def _print_figures(results: Sequence[tasks.AnalysisResult]) -> None:
     if not all(np.isnan(values).all() for values in (use.effort, use.velocity, use.position)):
         print('\nUse of limits:')
         print(quantity_table(limit_use_rows(use, first.joint_names, first.joint_kinds, whose)))
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Draw an animation of a planar chain: forces, moments, energies, and the passes of the recursion.
+Draw an animation of a planar chain: links, forces and moments at the joints, energies, efforts.
+
+At pauses of the motion it shows both passes of the Newton-Euler recursion. Without arguments: a
+double pendulum that is lifted by its motors and released.
 
 Exit status: 0 drawn; 1 the animation cannot be written; 2 a mistake in the arguments, or a file
 that cannot be used.
@@ -10,9 +13,7 @@ that cannot be used.
 
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
-from functools import partial
 from pathlib import Path
-import sys
 
 import numpy as np
 from robot_dynamics.dependencies import require
@@ -22,21 +23,15 @@ from robot_dynamics.tools import command_line
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools import options
 from robot_dynamics_tools.analysis.motion_filter import filter_motion_below
-from robot_dynamics_tools.animation.arm_motion import (
-    ArmMotion,
-    LIFT_FRACTION,
-    motion_of,
-    simulate_motion,
-)
+from robot_dynamics_tools.animation import arm_motion
 from robot_dynamics_tools.animation.chain_animation import chain_frames, frame_count
 from robot_dynamics_tools.animation.video import check_format, Frame, write_video
 from robot_dynamics_tools.pictures.planar_view import PlanarView
-from robot_dynamics_tools.recordings.reader import JointSeries, Recording
+from robot_dynamics_tools.recordings.joint_series import JointSeries
+from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.reporting.progress import Progress
 
-DEFAULT_DURATION = 5.0
 LONGEST_DURATION = 600.0
-DEFAULT_RATE = 12.0
 SIMULATED_SPEED, RECORDED_SPEED = 0.5, 1.0
 CUTOFF = 5.0
 """Cut-off frequency [Hz] of the filter of recorded motions."""
@@ -45,20 +40,8 @@ STILL = 0.1
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the tool, and return its exit status."""
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool('animate', partial(_run, arguments))
-
-
-def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='animate',
-        description='Draw an animation of a planar chain: links, the force and the moment at each '
-                    'joint,\nenergies, efforts by term, and at pauses of the motion both passes '
-                    'of the Newton-Euler\nrecursion. Without arguments: a double pendulum that '
-                    'is lifted by its motors and released.',
-        epilog='exit status: 0 drawn, 1 the animation cannot be written, 2 a mistake in the '
-               'arguments, or a file\nthat cannot be used')
+    """Run the tool; return its exit status."""
+    parser = command_line.Parser(prog='animate', description=__doc__)
     parser.add_argument(
         'bag', nargs='?', type=Path, metavar='BAG',
         help='Recording with joint states of the chain, drawn instead of a simulation')
@@ -71,28 +54,21 @@ def _parser() -> command_line.Parser:
         '--joints', nargs='+', default=[], metavar='JOINT',
         help='Joints with parallel axes (default: all); the other joints are locked')
     parser.add_argument(
-        '--from', type=float, default=0.0, metavar='S', dest='start',
-        help='Start time in the recording [s]')
-    parser.add_argument(
-        '--duration', type=float, default=DEFAULT_DURATION, metavar='S',
-        help='Duration of the motion [s] (default: %(default)g)')
-    parser.add_argument(
-        '--speed', type=float, metavar='X',
-        help='Playback speed as a multiple of real time (default: '
-             f'{SIMULATED_SPEED:g}, for a recording {RECORDED_SPEED:g})')
-    parser.add_argument(
-        '--rate', type=float, default=DEFAULT_RATE, metavar='HZ',
-        help='Frame rate [Hz] (default: %(default)g)')
-    parser.add_argument(
-        '--stop', type=float, nargs='*', metavar='S',
-        help='Times of the pauses that show the passes of the recursion [s]; no pause without a '
-             'value (default: one pause)')
+        '--from', **options.number(0.0, 'S', 'Start time in the recording [s]', dest='start'))
+    parser.add_argument('--duration', **options.number(5.0, 'S', 'Duration of the motion [s]'))
+    parser.add_argument('--speed', **options.number(
+        None, 'X', 'Playback speed as a multiple of real time (default: '
+        f'{SIMULATED_SPEED:g}, for a recording {RECORDED_SPEED:g})'))
+    parser.add_argument('--rate', **options.number(12.0, 'HZ', 'Frame rate [Hz]'))
+    parser.add_argument('--stop', **options.number(
+        None, 'S', 'Times of the pauses that show the passes of the recursion [s]; no pause '
+        'without a value (default: one pause)', nargs='*'))
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE',
         help='Output file: .gif, or .mp4 if ffmpeg is installed (default: out/<name of the '
              'arm>.gif)')
     command_line.add_force(parser)
-    return parser
+    return options.run_tool(parser, _run, argv)
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -105,7 +81,8 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.topic is not None and not recorded:
         raise InvalidInputError(
             '--topic is given without a recording; it is a topic of the recording')
-    stops = arguments.stop if arguments.stop is not None else [0.6 * LIFT_FRACTION * duration]
+    stops = [0.6 * arm_motion.LIFT_FRACTION * duration] if arguments.stop is None else (
+        arguments.stop)
     for stop in stops:
         check_scalar('--stop', stop, 0.0, duration)
     output = arguments.output or Path('arm.gif')
@@ -120,7 +97,9 @@ def _run(arguments: argparse.Namespace) -> int:
     if series is not None:
         motion = _recorded_motion(arm, series, arguments, duration, rate / speed)
     else:
-        motion = _simulated_motion(arm, duration, rate / speed)
+        print(f'Simulating {duration:g} s of {arm.name} ...', flush=True)
+        with Progress(duration, 's') as progress:
+            motion = arm_motion.simulate_motion(arm, duration, rate / speed, progress.update)
     title = 'Double pendulum' if not recorded and arguments.urdf is None else motion.arm.name
     print(f'Drawing {len(motion.times)} instants of {arm.name} ...', flush=True)
     frames = chain_frames(motion, stops, speed, title)
@@ -136,12 +115,6 @@ def _counted(frames: Iterable[Frame], progress: Progress) -> Iterator[Frame]:
         yield frame
 
 
-def _simulated_motion(arm: ArmModel, duration: float, rate: float) -> ArmMotion:
-    print(f'Simulating {duration:g} s of {arm.name} ...', flush=True)
-    with Progress(duration, 's') as progress:
-        return simulate_motion(arm, duration, rate, progress.update)
-
-
 def _read_recording(arguments: argparse.Namespace) -> tuple[ArmModel, JointSeries]:
     with Recording(arguments.bag) as recording:
         topic = arguments.topic or recording.joint_state_topic()
@@ -154,14 +127,14 @@ def _read_recording(arguments: argparse.Namespace) -> tuple[ArmModel, JointSerie
 def _recorded_motion(
     arm: ArmModel, series: JointSeries, arguments: argparse.Namespace, duration: float,
     rate: float,
-) -> ArmMotion:
+) -> arm_motion.ArmMotion:
     _check_joints(arm, series, arguments.bag)
     series = series.of_joints(arm.joint_names).unwrapped(arm.is_continuous)
     measured = filter_motion_below(series, CUTOFF)
     last = measured.times[-1]
     start = check_scalar('--from', arguments.start, 0.0, last)
     shown = (measured.times >= start) & (measured.times <= start + duration)
-    motion = motion_of(
+    motion = arm_motion.motion_of(
         arm, measured.times[shown] - start, measured.position[shown], measured.velocity[shown],
         measured.acceleration[shown],
         measured.effort[shown] if measured.effort is not None else None,
@@ -186,7 +159,3 @@ def _check_joints(arm: ArmModel, series: JointSeries, path: Path) -> None:
                     f'recording {str(path)!r} moves the joint {name!r} up to {away:.2f} away '
                     f'from {value:g}, where it is locked: the animation would be wrong; '
                     'expected a joint at rest, or its name in --joints')
-
-
-if __name__ == '__main__':
-    sys.exit(main())

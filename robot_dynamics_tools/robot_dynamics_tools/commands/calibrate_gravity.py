@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Calibrate effort scale and offset from static holds: `calibrate_gravity BAG… --urdf URDF`.
+Calibrate effort scale and offset of each joint from static holds, approached from both sides.
 
-With `--move` it moves the arm of a running node, and records the holds itself.
+Writes a parameter file for dynamics_node and a report. With --move it moves the arm of a running
+node and records the holds itself; without it, BAG and --urdf are required.
 
 Exit status: 0 done; 1 the nodes would not accept a value, the report names it, or the motion ended
 early; 2 a mistake in the arguments, or node or recordings do not permit a calibration; 130
@@ -14,14 +15,13 @@ interrupted.
 import argparse
 from collections.abc import Sequence
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 import sys
 
 from robot_dynamics.dependencies import require, require_ros
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.html_page import summary
 from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.model_check.html_page import summary
 from robot_dynamics.tools import command_line
 from robot_dynamics.validation import check_scalar, LARGEST_VALUE
 from robot_dynamics_tools import options
@@ -32,48 +32,34 @@ from robot_dynamics_tools.gravity_calibration.recorded_holds import (
     RecordedCalibration,
 )
 from robot_dynamics_tools.gravity_calibration.tool_estimate import Tool
-from robot_dynamics_tools.gravity_motion.options import add_motion_options
 from robot_dynamics_tools.gravity_motion.plan import MotionSettings
 from robot_dynamics_tools.gravity_motion.poses import PoseChoice
 from robot_dynamics_tools.recordings.bag_files import find_recordings
 from robot_dynamics_tools.reporting.text_table import quantity_table, text_table
 
-OUTPUT = Path('calibrated.yaml')
+OUTPUT, REPORT = Path('calibrated.yaml'), '.html'
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool('calibrate_gravity', partial(_run, arguments, argv))
-
-
-def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='calibrate_gravity',
-        description='Calibrate effort scale and offset of each joint from recorded static holds, '
-                    'each approached from\nboth sides. Writes a parameter file for dynamics_node '
-                    'and a report. BAG and --urdf are required without\n--move.',
-        epilog='exit status: 0 done, 1 the nodes would not accept a value, or the motion ended '
-               'early, 2 a mistake in\nthe arguments, in the recordings or in the configuration '
-               'of the node, 130 interrupted')
+    parser = command_line.Parser(prog='calibrate_gravity', description=__doc__)
     options.add_recordings(parser, None, required=False)
     parser.add_argument(
         '--with-weight', nargs='+', type=Path, default=[], metavar='BAG',
         help='Recordings of holds with a known weight, which determines the scale; requires '
              '--weight-mass and --weight-link')
-    parser.add_argument('--weight-mass', type=float, metavar='KG', help='Mass of the weight [kg]')
+    parser.add_argument('--weight-mass', **options.number(None, 'KG', 'Mass of the weight [kg]'))
     parser.add_argument(
         '--weight-link', metavar='LINK', help='Link of the URDF that carries the weight')
-    parser.add_argument(
-        '--weight-position', nargs=3, type=float, default=(0.0, 0.0, 0.0), metavar=('X', 'Y', 'Z'),
-        help='Centre of mass of the weight in the frame of its link [m] (default: 0 0 0)')
+    parser.add_argument('--weight-position', **options.number(
+        (0.0, 0.0, 0.0), ('X', 'Y', 'Z'),
+        'Centre of mass of the weight in the frame of its link [m] (default: 0 0 0)', nargs=3))
     parser.add_argument(
         '--tool-link', metavar='LINK',
         help='Link that carries a tool that is not part of the URDF: its first moments are '
              'estimated, and its mass if --tool-mass is omitted')
-    parser.add_argument(
-        '--tool-mass', type=float, metavar='KG',
-        help='Known mass of this tool [kg]; required without --with-weight')
+    parser.add_argument('--tool-mass', **options.number(
+        None, 'KG', 'Known mass of this tool [kg]; required without --with-weight'))
     options.add_parameters(
         parser, 'joints, gravity, motors, measured_effort, effort; all are copied to the output')
     parser.add_argument(
@@ -81,9 +67,54 @@ def _parser() -> command_line.Parser:
         help='Output parameter file; the report has the same name, with the suffix .html '
              '(default: %(default)s)')
     command_line.add_force(parser)
-    add_motion_options(parser)
+    _add_motion(parser)
     parser.set_defaults(cutoff=None)  # holds are not filtered
-    return parser
+    return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
+
+
+def _add_motion(parser: argparse.ArgumentParser) -> None:
+    """Add --move and the options of the motion."""
+    group = parser.add_argument_group('motion of the arm')
+    for name, text in (
+            ('move', 'Move the arm of a running dynamics_node through poses, record, and compute '
+                     'from the recording. Collisions are not checked'),
+            ('preview', 'With --move: print the poses and their gravity torques, and do not move '
+                        'the arm'),
+            ('yes', 'Move without the question on the terminal, for scripts'),
+            ('with-weight-after',
+             'Record a second time with the weight of --weight-mass, --weight-link and '
+             '--weight-position, which the operator attaches when the tool asks for it')):
+        group.add_argument(f'--{name}', action='store_true', help=text)
+    group.add_argument(
+        '--recording', type=Path, metavar='DIR',
+        help='New directory of the recording; that with the weight is DIR-with-weight (default: '
+             'gravity-<time>)')
+    group.add_argument(
+        '--poses', type=Path, metavar='FILE',
+        help='YAML file with the list `poses` of JOINT: POSITION in rad or m (default: poses that '
+             'are selected for this arm)')
+    for name, default, text in (('count', 10, 'Number of selected poses, 8 to 20'),
+                                ('seed', 0, 'Seed of the selection of the poses')):
+        group.add_argument(f'--{name}', **options.number(default, 'N', text, int))
+    group.add_argument(
+        '--range', nargs=3, action='append', default=[], metavar=('JOINT', 'MIN', 'MAX'),
+        dest='ranges',
+        help='Range of a joint at the poses and between them [rad] or [m]; may be repeated '
+             '(default: the position limits; without limits, one turn around 0)')
+    group.add_argument('--hold', **options.number(
+        2.0, 'S', 'Time at rest at each pose, after the motion from each side [s]'))
+    for name, text in (
+            ('approach', 'Distance from which each pose is approached, on both sides [rad] or [m] '
+                         '(default: 0.1 rad, 0.02 m, at most 0.05 of the range)'),
+            ('step', 'Largest displacement of a joint per move [rad] or [m] (default: 0.5 rad, '
+                     '0.1 m)'),
+            ('velocity', 'Largest velocity of a joint [rad/s] or [m/s] (default: 0.5 rad/s, '
+                         '0.1 m/s); at most half of its limit'),
+            ('tolerance', 'Largest distance of a measured position at rest from its goal [rad] or '
+                          '[m]; an arm with wrong torque constants sags (default: 0.2 rad, '
+                          '0.05 m)')):
+        group.add_argument(f'--{name}', **options.number(None, 'X', text))
+    options.add_node(group)
 
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
@@ -132,12 +163,8 @@ def _move(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
 
 def prepare_outputs(arguments: argparse.Namespace) -> None:
     """Make the directory of the output files; raise InvalidInputError if a file exists."""
-    for path in (arguments.output, _report_path(arguments)):
+    for path in (arguments.output, arguments.output.with_suffix(REPORT)):
         command_line.prepare_file(path, arguments.force)
-
-
-def _report_path(arguments: argparse.Namespace) -> Path:
-    return Path(arguments.output.with_suffix('.html'))
 
 
 def loads(arguments: argparse.Namespace) -> tuple[Payload | None, Tool | None]:
@@ -176,7 +203,7 @@ def finish(
     found = calibrate_recordings(
         bags, options.read_settings(arguments), weighted_bags, weight, tool)
     origin = command_line.origin_of('calibrate_gravity', argv, arguments.urdf, '')
-    written = [_report_path(arguments)]
+    written = [arguments.output.with_suffix(REPORT)]
     command_line.write_file(written[0], report.calibration_page(found, origin))
     is_good = report.is_accepted(found.calibration)
     if is_good:
@@ -198,14 +225,10 @@ def _print(found: RecordedCalibration, written: Sequence[Path]) -> None:
     print('\nTorque at the joint = effort scale · (effort of the driver − effort offset):')
     print(quantity_table(report.joint_rows(found.calibration)))
     if found.calibration.tool is not None:
-        print('\n' + quantity_table(report.tool_rows(found.calibration)))
+        print('\n' + quantity_table(report.tool_rows(found.calibration.tool)))
     print('\n' + summary(verdicts, 'joints'))
     for name, grade, text, step in verdicts:
         print(f'  {name}: {grade.value[0]}: {text}. Next step: {step}')
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in written))
     for note in report.notes(found.calibration):
         print(note)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

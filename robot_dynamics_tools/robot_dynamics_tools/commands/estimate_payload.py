@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Estimate what is attached to a link: `estimate_payload BAG… --urdf URDF --link NAME`.
+Estimate mass, first moments and inertia of what is attached to a link.
+
+Reads recorded joint states with effort: static holds in several poses, or a motion.
 
 Exit status: 0 done; 1 mass or first moments are not observable or implausible, or some recordings
 failed; 2 a mistake in the arguments, or no recording can be used; 130 interrupted.
@@ -10,9 +12,7 @@ failed; 2 a mistake in the arguments, or no recording can be used; 130 interrupt
 
 import argparse
 from collections.abc import Sequence
-from functools import partial
 import json
-import sys
 
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
@@ -26,31 +26,16 @@ from robot_dynamics_tools.reporting.text_table import text_table
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool('estimate_payload', partial(_run, arguments))
-
-
-def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='estimate_payload',
-        description='Estimate mass, first moments and inertia of what is attached to a link, from '
-                    'recorded joint\nstates with effort: static holds in several poses, or a '
-                    'motion.',
-        epilog='exit status: 0 done, 1 mass or first moments are not observable or implausible, '
-               'or some\nrecordings failed, 2 a mistake in the arguments or no recording can be '
-               'used, 130 interrupted')
+    parser = command_line.Parser(prog='estimate_payload', description=__doc__)
     options.add_recordings(parser, None)
     parser.add_argument(
         '--link', required=True, metavar='NAME',
         help='Link to which the unknown body is attached; the URDF must not contain the body')
-    parser.add_argument(
-        '--cutoff', type=float, metavar='HZ',
-        help='Cut-off frequency of the low-pass filter [Hz] (default: 5, or less for slow joint '
-             'states)')
+    options.add_cutoff(parser, '5, or less for slow joint states')
     options.add_parameters(parser, 'joints, gravity, friction, motors, measured_effort')
     parser.add_argument(
         '--json', action='store_true', help='Print the result as JSON instead of text')
-    return parser
+    return options.run_tool(parser, _run, argv)
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -86,7 +71,3 @@ def print_payload(found: RecordedPayload) -> None:
             ('Dry friction at rest:', (estimate.friction,)),
             ('Remarks:', (*estimate.remarks, *found.remarks))):
         options.print_list(title, lines)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

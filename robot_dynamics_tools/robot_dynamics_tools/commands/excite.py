@@ -2,16 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Find an exciting trajectory: `excite --urdf URDF --output trajectory.yaml`.
+Find a trajectory that excites all parameters of an arm, for identify.
+
+It is a Fourier series from rest to rest within the limits of the arm, with a small condition
+number.
 
 Exit status: 0 done; 2 a mistake in the arguments, or no motion can be found; 130 interrupted.
 """
 
 import argparse
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
-import sys
 
 import numpy as np
 from robot_dynamics.joints.units import units_of
@@ -22,7 +23,7 @@ from robot_dynamics.tools import command_line
 from robot_dynamics.trajectories.files import write_trajectory
 from robot_dynamics_tools import options
 from robot_dynamics_tools.excitation.excitation import Excitation, find_excitation, GENERATIONS
-from robot_dynamics_tools.excitation.excitation_limits import LimitFractions, motion_limits
+from robot_dynamics_tools.excitation.excitation_limits import motion_limits
 from robot_dynamics_tools.excitation.excitation_trajectory import (
     exciting_trajectory,
     ExcitingTrajectory,
@@ -30,25 +31,10 @@ from robot_dynamics_tools.excitation.excitation_trajectory import (
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.reporting.text_table import quantity_table
 
-DEFAULT_DURATION = 10.0
-DEFAULT_HARMONICS = 5
-DEFAULT_LEAD = 3.0
-
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool('excite', partial(_run, arguments))
-
-
-def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='excite',
-        description='Find a trajectory that excites all parameters of an arm, for identify: a '
-                    'Fourier series\nfrom rest to rest within the limits of the arm, with a small '
-                    'condition number.',
-        epilog='exit status: 0 done, 2 a mistake in the arguments or no motion can be found, 130 '
-               'interrupted')
+    parser = command_line.Parser(prog='excite', description=__doc__)
     options.add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
     parser.add_argument(
         '--output', type=Path, metavar='FILE', default=Path('trajectory.yaml'),
@@ -59,44 +45,37 @@ def _parser() -> command_line.Parser:
     parser.add_argument(
         '--joints', nargs='+', default=[], metavar='JOINT',
         help='Joints to move, like the parameter joints (default: all); the others are locked')
-    parser.add_argument(
-        '--start', nargs='+', type=float, metavar='Q',
-        help='Joint positions at the start and the end of the motion, one per joint [rad] or [m] '
-             '(default: a pose well within the limits)')
-    parser.add_argument(
-        '--duration', type=float, default=DEFAULT_DURATION, metavar='S',
-        help='Duration of the motion [s] (default: %(default)g)')
-    parser.add_argument(
-        '--harmonics', type=int, default=DEFAULT_HARMONICS, metavar='N',
-        help='Number of harmonics of the series; the highest frequency is N / duration [Hz] '
-             '(default: %(default)d)')
-    parser.add_argument(
-        '--lead', type=float, default=DEFAULT_LEAD, metavar='S',
-        help='Time to reach the start before the motion [s] (default: %(default)g)')
-    for name, default, words in (
-            ('position-margin', 0.05, 'Fraction of each position range to keep free at each end'),
-            ('velocity-scale', 0.6, 'Fraction of the velocity limits to use'),
-            ('effort-scale', 0.8, 'Fraction of the effort limits to use'),
-            ('acceleration', 6.0, 'Largest acceleration [rad/s²] or [m/s²]')):
-        parser.add_argument(
-            f'--{name}', type=float, default=default, metavar='X',
-            help=f'{words} (default: %(default)g)')
-    parser.add_argument(
-        '--seed', type=int, default=0, metavar='N',
-        help='Seed of the random search; the same seed gives the same trajectory on any processor '
-             '(default: %(default)d)')
-    return parser
+    parser.add_argument('--start', **options.number(
+        None, 'Q', 'Joint positions at the start and the end of the motion, one per joint [rad] '
+        'or [m] (default: a pose well within the limits)', nargs='+'))
+    parser.add_argument('--harmonics', **options.number(
+        5, 'N', 'Number of harmonics of the series; the highest frequency is N / duration [Hz]',
+        int))
+    for name, default, metavar, text in (
+            ('duration', 10.0, 'S', 'Duration of the motion [s]'),
+            ('lead', 3.0, 'S', 'Time to reach the start before the motion [s]'),
+            ('position-margin', 0.05, 'X',
+             'Fraction of each position range to keep free at each end'),
+            ('velocity-scale', 0.6, 'X', 'Fraction of the velocity limits to use'),
+            ('effort-scale', 0.8, 'X', 'Fraction of the effort limits to use'),
+            ('acceleration', 6.0, 'X', 'Largest acceleration [rad/s²] or [m/s²]')):
+        parser.add_argument(f'--{name}', **options.number(default, metavar, text))
+    parser.add_argument('--seed', **options.number(
+        0, 'N', 'Seed of the random search; the same seed gives the same trajectory on any '
+        'processor', int))
+    return options.run_tool(parser, _run, argv)
 
 
 def _run(arguments: argparse.Namespace) -> int:
     command_line.prepare_file(arguments.output, arguments.force)
-    arm = _arm(arguments)
+    arm = arm_from_parameters(
+        options.read_robot(arguments.urdf),
+        options.read_parameters(arguments.parameters), arguments.joints)
     dynamics = ArmDynamics(arm)
-    fractions = LimitFractions(
+    limits = motion_limits(
+        dynamics, None if arguments.start is None else np.array(arguments.start),
         arguments.position_margin, arguments.velocity_scale, arguments.effort_scale,
         arguments.acceleration)
-    start = None if arguments.start is None else np.array(arguments.start)
-    limits = motion_limits(dynamics, fractions, start)
     print(f'Searching for {arm.name} ({arm.joint_count} joints) ...', flush=True)
     with Progress(GENERATIONS, 'generations') as progress:
         excitation = find_excitation(
@@ -108,12 +87,6 @@ def _run(arguments: argparse.Namespace) -> int:
     print(f'Trajectory         {arguments.output}')
     print('Collisions are not checked. Run the trajectory slowly first.')
     return command_line.DONE
-
-
-def _arm(arguments: argparse.Namespace) -> ArmModel:
-    return arm_from_parameters(
-        options.read_robot(arguments.urdf),
-        options.read_parameters(arguments.parameters), arguments.joints)
 
 
 def _report(arm: ArmModel, excitation: Excitation, found: ExcitingTrajectory) -> None:
@@ -141,7 +114,3 @@ def _report(arm: ArmModel, excitation: Excitation, found: ExcitingTrajectory) ->
 def _effort(effort: float, limit: float, kind: str) -> str:
     percentage = f' ({100.0 * effort / limit:.0f} %)' if limit < float('inf') else ''
     return f'{effort:.2f} {units_of(kind).effort}{percentage}'
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -1,11 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Write an arm, for example an identified one, as a model of MuJoCo (MJCF)."""
+"""
+Write an arm, for example an identified one, as a model of MuJoCo (MJCF).
+
+It has inertials, joints with limits, rotors and friction, motors and gravity, and no geometry.
+
+Exit status: 0 written; 1 the file cannot be written; 2 a mistake in the arguments, or MuJoCo has
+no such arm.
+"""
 
 import argparse
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 import sys
 
@@ -16,28 +22,15 @@ from robot_dynamics_tools.mujoco.mjcf import arm_to_mjcf
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """
-    Run the tool, and return its exit status.
-
-    0: written; 1: the file cannot be written; 2: the arguments are invalid, or MuJoCo has no such
-    arm. For status 1 and 2, one line on stderr has the reason.
-    """
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool('export_mjcf', partial(_run, arguments))
-
-
-def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='export_mjcf', formatter_class=argparse.HelpFormatter,
-        description='Write an arm as a model of MuJoCo (MJCF): inertials, joints with limits, '
-                    'rotors and friction, motors, gravity. Geometry is not written.')
+    """Run the tool; return its exit status."""
+    parser = command_line.Parser(prog='export_mjcf', description=__doc__)
     options.add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
     options.add_parameters(
         parser, 'joints, gravity, friction, motors, effort.scale, effort.offset')
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE', help='Output file (default: stdout)')
     command_line.add_force(parser)
-    return parser
+    return options.run_tool(parser, _run, argv)
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -49,7 +42,3 @@ def _run(arguments: argparse.Namespace) -> int:
     if omitted:
         print(f'export_mjcf: MuJoCo has no counterpart of {", ".join(omitted)}', file=sys.stderr)
     return command_line.DONE
-
-
-if __name__ == '__main__':
-    sys.exit(main())

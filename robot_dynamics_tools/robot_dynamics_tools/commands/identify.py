@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Identify an arm from recordings: `identify BAG… --urdf URDF`.
+Identify masses, inertias, rotors and friction of an arm from recorded joint states with effort.
+
+Writes a URDF, a parameter file for dynamics_node, and a report.
 
 Exit status: 0 done; 1 some recordings failed, which are listed; 2 a mistake in the arguments, or
 nothing could be identified; 130 interrupted.
@@ -13,7 +15,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-import sys
 
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
@@ -38,26 +39,12 @@ OUTPUT = Path('identified')
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool(
-        'identify', partial(_run, arguments, argv),
-        interrupted='interrupted; run the same command to resume')
-
-
-def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='identify',
-        description='Identify masses, inertias, rotors and friction of an arm from recorded joint '
-                    'states with\neffort. Writes a URDF, a parameter file for dynamics_node, '
-                    'and a report.',
-        epilog='exit status: 0 done, 1 some recordings failed, 2 a mistake in the arguments or '
-               'nothing could\nbe identified, 130 interrupted')
+    parser = command_line.Parser(prog='identify', description=__doc__)
     options.add_recordings(parser, None)
-    parser.add_argument(
-        '--train-fraction', type=options.number_in(0.001, 1.0), default=0.6, metavar='SHARE',
-        help='Fraction of the samples, from the first on, that is used for training; the others '
-             'test the model (default: 0.6). With 1, the model is tested on the '
-             'cross-validation folds')
+    parser.add_argument('--train-fraction', **options.number(
+        0.6, 'SHARE', 'Fraction of the samples, from the first on, that is used for training; the '
+        'others test the model. With 1, the model is tested on the cross-validation folds',
+        options.number_in(0.001, 1.0)))
     parser.add_argument(
         '--samples', action='store_true',
         help='Also write the samples of the test part of each recording, with the effort of the '
@@ -82,7 +69,7 @@ def _parser() -> command_line.Parser:
         help=f'Output directory (default: {OUTPUT})')
     command_line.add_force(parser)
     options.add_workers(parser)
-    return parser
+    return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
 
 def _payload(text: str) -> tuple[str, str, tuple[float, ...]]:
@@ -161,7 +148,3 @@ def print_identification(
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in paths))
     options.print_list('Notes on the files:', notes)
     options.print_failures('identify', found.failed)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

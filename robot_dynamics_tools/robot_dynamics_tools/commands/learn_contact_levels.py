@@ -1,18 +1,20 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Learn the levels of contacts from recordings without contact."""
+"""
+Learn the levels of ~/contacts from recordings without contact.
+
+Exit status: 0 done; 2 a mistake in the arguments, or a recording cannot be used.
+"""
 
 import argparse
 from collections.abc import Sequence
-from functools import partial
 import json
 from pathlib import Path
-import sys
 
-from robot_dynamics.monitoring.contact_levels import EXPECTED
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
+from robot_dynamics_tools.analysis.contact_learning import EXPECTED
 from robot_dynamics_tools.analysis.contact_recording import levels_from_bags, parameter_text
 from robot_dynamics_tools.recordings.bag_files import find_recordings
 from robot_dynamics_tools.reporting.text_table import text_table
@@ -20,28 +22,19 @@ from robot_dynamics_tools.reporting.text_table import text_table
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool('learn_contact_levels', partial(_run, arguments))
-
-
-def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='learn_contact_levels',
-        description='Learn the levels of ~/contacts from recordings without contact.',
-        epilog='exit status: 0 done, 2 a mistake in the arguments, or a recording cannot be used')
+    parser = command_line.Parser(prog='learn_contact_levels', description=__doc__)
     options.add_recordings(parser, None)
     options.add_parameters(parser, (
         'joints, friction, motors, measured_effort, external_effort_bandwidth (not payload.*)'))
-    parser.add_argument(
-        '--alarms-per-hour', type=float, default=1.0, metavar='RATE',
-        help='Most false alarms per hour of all joints together. The default is 1.')
+    parser.add_argument('--alarms-per-hour', **options.number(
+        1.0, 'RATE', 'Most false alarms per hour of all joints together'))
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE',
         help='Parameter file for dynamics_node. Without it, the levels are only printed.')
     command_line.add_force(parser)
     parser.add_argument('--json', action='store_true', help='Print the result as JSON.')
     parser.set_defaults(cutoff=None)
-    return parser
+    return options.run_tool(parser, _run, argv)
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -72,7 +65,3 @@ def _run(arguments: argparse.Namespace) -> int:
         lines.append(f'Written: {output}, a parameter file of dynamics_node')
     print(json.dumps(data, indent=2) if arguments.json else '\n'.join(lines))
     return command_line.DONE
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -2,7 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Draw efforts or inertias of an arm over two joints, or where its effort limits are too small.
+Draw efforts or inertias over the positions of two joints, or of gravity over the workspace.
+
+  gravity    the gravity-compensation torque g(q), and where it exceeds the limits
+  inertia    the diagonal of the mass matrix, M_ii(q)
+  motion     the effort of --velocity and --acceleration
+  workspace  positions of the whole workspace at which gravity exceeds the effort limits
 
 Exit status: 0 drawn; 1 the figure cannot be written; 2 a mistake in the arguments, or a file that
 cannot be used.
@@ -10,18 +15,17 @@ cannot be used.
 
 import argparse
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
-import sys
 from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.html_page import Verdict
+from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model_check.html_page import Verdict
 from robot_dynamics.tools import command_line
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools import options
@@ -43,23 +47,8 @@ STEPS = 3
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the tool, and return its exit status."""
-    arguments = _parser().parse_args(argv)
-    return command_line.run_tool('torque_map', partial(_run, arguments, argv))
-
-
-def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='torque_map',
-        description='Draw over the positions of two joints, with the arm in some poses:\n'
-                    '  gravity    the gravity-compensation torque g(q), and where it exceeds the '
-                    'limits\n'
-                    '  inertia    the diagonal of the mass matrix, M_ii(q)\n'
-                    '  motion     the effort of --velocity and --acceleration\n'
-                    'or over the whole workspace:\n'
-                    '  workspace  positions at which gravity exceeds the effort limits',
-        epilog='exit status: 0 drawn, 1 the figure cannot be written, 2 a mistake in the '
-               'arguments, or a file\nthat cannot be used')
+    """Run the tool; return its exit status."""
+    parser = command_line.Parser(prog='torque_map', description=__doc__)
     parser.add_argument(
         'what', nargs='?', default=GRAVITY, choices=(GRAVITY, INERTIA, MOTION, WORKSPACE),
         help='Drawn quantity (default: %(default)s)')
@@ -70,34 +59,29 @@ def _parser() -> command_line.Parser:
     parser.add_argument(
         '--at', nargs='+', default=[], metavar='JOINT',
         help='Joints whose effort or inertia is drawn (default: the joints along the axes)')
-    parser.add_argument(
-        '--position', nargs='+', type=float, default=[], metavar='X',
-        help='Positions of all joints [rad] or [m], for the joints that are not along an axis '
-             '(default: 0, or the nearest limit)')
-    for flag, unit in (('--velocity', '[rad/s] or [m/s]'), (
-            '--acceleration', '[rad/s²] or [m/s²]')):
-        parser.add_argument(
-            flag, nargs='+', type=float, default=[], metavar='X',
-            help=f'{flag[2:].capitalize()} of all joints {unit}, for motion (default: 0)')
-    parser.add_argument(
-        '--payload', type=float, default=0.0, metavar='KG',
-        help='Mass at the origin of --link [kg] (default: none)')
+    for name, text in (
+            ('position', 'Positions of all joints [rad] or [m], for the joints that are not along '
+                         'an axis (default: 0, or the nearest limit)'),
+            ('velocity', 'Velocity of all joints [rad/s] or [m/s], for motion (default: 0)'),
+            ('acceleration',
+             'Acceleration of all joints [rad/s²] or [m/s²], for motion (default: 0)')):
+        parser.add_argument(f'--{name}', **options.number([], 'X', text, nargs='+'))
+    parser.add_argument('--payload', **options.number(
+        0.0, 'KG', 'Mass at the origin of --link [kg]'))
     parser.add_argument(
         '--link', metavar='NAME',
         help='Link that carries the payload and whose workspace is drawn (default: the last link)')
-    parser.add_argument(
-        '--pose', nargs=2, type=float, action='append', metavar='X',
-        help='Positions along the axes at which the arm is drawn; may be repeated (default: '
-             f'{POSES} × {POSES} evenly spaced poses)')
-    parser.add_argument(
-        '--samples', type=int, default=torque_grid.SAMPLES, metavar='N',
-        help='Number of positions of each of the two joints (default: %(default)d)')
+    parser.add_argument('--pose', **options.number(
+        None, 'X', 'Positions along the axes at which the arm is drawn; may be repeated (default: '
+        f'{POSES} × {POSES} evenly spaced poses)', nargs=2, action='append'))
+    parser.add_argument('--samples', **options.number(
+        torque_grid.SAMPLES, 'N', 'Number of positions of each of the two joints', int))
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE',
         help=f'Output file: {", ".join(FORMATS)}; {PAGE} is a report with a verdict per joint '
              '(default: out/<name of the arm>_<what>.png)')
     command_line.add_force(parser)
-    return parser
+    return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
@@ -183,17 +167,13 @@ def _values(
 
 
 def _panel(what: str, arm: ArmModel, joint: int, values: FloatArray) -> MapPanel:
-    name, slides = arm.joint_names[joint], arm.joint_kinds[joint] == 'prismatic'
+    name, kind = arm.joint_names[joint], arm.joint_kinds[joint]
     if what == INERTIA:
-        return MapPanel(f'Inertia at {name}', values, 'kg' if slides else 'kg·m²', False)
+        return MapPanel(
+            f'Inertia at {name}', values, 'kg' if kind == 'prismatic' else 'kg·m²', False)
     return MapPanel(
-        f'Effort at {name}', values, 'N' if slides else 'N·m', True,
-        float(arm.limits.effort[joint]))
+        f'Effort at {name}', values, units_of(kind).effort, True, float(arm.limits.effort[joint]))
 
 
 def _list(values: Any) -> str:
     return '(' + ', '.join(f'{value:g}' for value in values).replace('-', '−') + ')'
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Demonstrate the package: `demo` runs a closed loop, `demo --replay` compares with a recording.
+A simulated arm follows a trajectory under computed torque, with both nodes as processes.
+
+With --replay, the model is compared with the efforts of a recording.
 
 Exit status: 0 done, and every joint tracked; 1 a joint did not track, or a node failed; 2 a
 mistake in the arguments, a file that cannot be used, or a library that is not installed; 130
@@ -12,7 +14,6 @@ interrupted.
 import argparse
 from collections.abc import Sequence
 from datetime import datetime
-from functools import partial
 import os
 from pathlib import Path
 import signal
@@ -26,50 +27,26 @@ from robot_dynamics_tools import options
 from robot_dynamics_tools.viewer.cli import DEFAULT_PORT, port_number
 
 if TYPE_CHECKING:
-    from robot_dynamics.html_page import Origin
     from robot_dynamics.model.arm import ArmModel
+    from robot_dynamics.model_check.html_page import Origin
     from robot_dynamics_tools.excitation.demo_motion import ReferenceMotion
 
 DEFAULT_DURATION = 10.0
 DEFAULT_RATE = 500.0
-LONGEST_DURATION = 3600.0
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the demo; return its exit status."""
-    arguments = _parser().parse_args(argv)
-    # A signal that ends the demo also ends its nodes; the recording is kept.
-    for name in ('SIGTERM', 'SIGHUP'):
-        signal.signal(getattr(signal, name), _interrupt)
-    default = 'the planar two-link arm of this package' if arguments.replay is None else (
-        'robot_description of the recording, or else the planar two-link arm of this package')
-    origin = command_line.origin_of('demo', argv, arguments.robot, default)
-    return command_line.run_tool('demo', partial(_run, arguments, origin))
-
-
-def _interrupt(*_: object) -> None:
-    raise KeyboardInterrupt
-
-
-def _parser() -> command_line.Parser:
-    parser = command_line.Parser(
-        prog='demo',
-        description='A simulated arm follows a trajectory under computed torque, with both nodes '
-                    'as separate\nprocesses. With --replay, the model is compared with the '
-                    'efforts of a recording.',
-        epilog='exit status: 0 done and tracked, 1 not tracked or a node failed, 2 a mistake in '
-               'the arguments,\n130 interrupted')
+    parser = command_line.Parser(prog='demo', description=__doc__)
     options.add_robot(
         parser, '--robot',
         'the planar two-link arm, or with --replay the description in the recording', 'URDF')
-    parser.add_argument(
-        '--duration', type=options.number_in(1.0, LONGEST_DURATION), metavar='S',
-        help=f'Duration of the motion [s] (default: {DEFAULT_DURATION:g}); with --replay: play '
-             'only the first S seconds')
-    parser.add_argument(
-        '--rate', type=options.number_in(1.0, 10000.0), metavar='HZ',
-        help=f'Rate of the joint states [Hz] (default: {DEFAULT_RATE:g}); with --replay: largest '
-             'rate (default: as fast as the node responds)')
+    parser.add_argument('--duration', **options.number(
+        None, 'S', f'Duration of the motion [s] (default: {DEFAULT_DURATION:g}); with --replay: '
+        'play only the first S seconds', options.number_in(1.0, 3600.0)))
+    parser.add_argument('--rate', **options.number(
+        None, 'HZ', f'Rate of the joint states [Hz] (default: {DEFAULT_RATE:g}); with --replay: '
+        'largest rate (default: as fast as the node responds)', options.number_in(1.0, 10000.0)))
     parser.add_argument(
         '--trajectory', type=Path, metavar='FILE',
         help='YAML file with the trajectory_msgs/JointTrajectory to follow, in the format of '
@@ -95,10 +72,13 @@ def _parser() -> command_line.Parser:
              f'(default: {DEFAULT_PORT})')
     parser.add_argument(
         '--no-plot', action='store_true', help='Write neither the figure nor the report')
-    return parser
+    return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
 
-def _run(arguments: argparse.Namespace, origin: 'Origin') -> int:
+def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
+    # A signal that ends the demo also ends its nodes; the recording is kept.
+    for signal_number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(signal_number, signal.default_int_handler)
     if arguments.topic is not None and arguments.replay is None:
         raise InvalidInputError(
             '--topic is given without --replay; it is a topic of the recording')
@@ -116,9 +96,11 @@ def _run(arguments: argparse.Namespace, origin: 'Origin') -> int:
     print(f'Writing to {directory}', flush=True)
     from robot_dynamics_tools.demo.processes import choose_domain
     os.environ.update(choose_domain(os.environ))
-    if arguments.replay is not None:
-        return _replay(arguments, urdf, directory, origin)
-    return _closed_loop(arguments, urdf, directory, origin)
+    default = 'the planar two-link arm of this package' if arguments.replay is None else (
+        'robot_description of the recording, or else the planar two-link arm of this package')
+    begin = _closed_loop if arguments.replay is None else _replay
+    return begin(arguments, urdf, directory, command_line.origin_of(
+        'demo', argv, arguments.robot, default))
 
 
 def _check_libraries(arguments: argparse.Namespace) -> None:
@@ -136,29 +118,23 @@ def _check_libraries(arguments: argparse.Namespace) -> None:
 def _closed_loop(
     arguments: argparse.Namespace, given: str | None, directory: Path, origin: 'Origin',
 ) -> int:
-    from robot_dynamics_tools.demo.loop import run_closed_loop, ViewerPage
-    from robot_dynamics_tools.demo.report import (
-        loop_report,
-        print_report,
-        save_picture,
-        write_loop_page,
-    )
+    from robot_dynamics_tools.demo.loop import run_closed_loop
+    from robot_dynamics_tools.demo.report import loop_report, print_report, write_loop_page
     from robot_dynamics_tools.demo.session import PICTURE, RECORDING, REPORT
     urdf = _written(given or options.read_robot(None), directory)
     arm = _arm(urdf, arguments.parameters)
     run = run_closed_loop(
         arm, urdf, _motion(arm, arguments), arguments.rate or DEFAULT_RATE, directory,
-        arguments.parameters,
-        None if arguments.viewer is None else ViewerPage(arguments.viewer, arguments.robot))
+        arguments.parameters, None if arguments.viewer is None else (
+            '--port', str(arguments.viewer),
+            *(() if arguments.robot is None else ('--robot', arguments.robot))))
     try:
         report = loop_report(directory / RECORDING, arm, run)
         print_report(report, run)
         print(f'Recording        {directory / RECORDING}')
         if not arguments.no_plot:
-            save_picture(report, arm, directory / PICTURE)
+            write_loop_page(report, run, directory / PICTURE, directory / REPORT, origin)
             print(f'Figure           {directory / PICTURE}')
-            write_loop_page(
-                report, run, arm, directory / PICTURE, directory / REPORT, origin)
             print(f'Report           {directory / REPORT}')
     except (RobotDynamicsError, OSError) as error:
         if not run.interrupted:
@@ -193,8 +169,8 @@ def _replay(
     from robot_dynamics_tools.commands.analyze import print_one
     from robot_dynamics_tools.demo.replay import play_recording, read_recording
     from robot_dynamics_tools.demo.session import RECORDING, REPORT
-    recorded = read_recording(arguments.replay, arguments.topic, arguments.duration)
-    urdf = _written(given or recorded.urdf or options.read_robot(None), directory)
+    recorded, own = read_recording(arguments.replay, arguments.topic, arguments.duration)
+    urdf = _written(given or own or options.read_robot(None), directory)
     settings = play_recording(recorded, urdf, arguments.rate, directory)
     outputs = () if arguments.no_plot else (REPORT,)
     try:

@@ -20,7 +20,8 @@ from robot_dynamics.tools.command_line import ToolError
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
 MONITOR = 'robot_dynamics_tools.monitor.node'
-VIEWER = 'robot_dynamics_tools.viewer'
+VERBS = 'robot_dynamics_tools'
+"""The program of the tools, whose first argument is a verb."""
 
 STOP_TIMEOUT = 30.0
 """[s] within which a node must exit before it is killed; a busy machine may take seconds."""

@@ -4,7 +4,6 @@
 """Playback of a recording to `dynamics`, and comparison of the played states with the model."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 import time
 
@@ -14,14 +13,9 @@ from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, stamp_to_ros
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
 from robot_dynamics_tools.demo.processes import DemoError, DYNAMICS
-from robot_dynamics_tools.demo.session import (
-    DESCRIPTION,
-    GRAVITY,
-    JOINT_STATES,
-    recording_session,
-    Session,
-)
-from robot_dynamics_tools.recordings.reader import JointSeries, Recording
+from robot_dynamics_tools.demo.session import DESCRIPTION, recording_session, Session
+from robot_dynamics_tools.recordings.joint_series import JointSeries
+from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.reporting.progress import Progress
 from sensor_msgs.msg import JointState
 
@@ -31,16 +25,10 @@ MOST_RESENT = 20
 """Transmissions without a response after which the playback ends."""
 
 
-@dataclass(frozen=True, eq=False)
-class Recorded:
-    """The played data: all joints of a topic, and the URDF in the recording, if any."""
-
-    series: JointSeries
-    urdf: str | None
-
-
-def read_recording(path: Path, topic: str | None, seconds: float | None) -> Recorded:
-    """Return the joint states of a recording; raise RecordingError."""
+def read_recording(
+    path: Path, topic: str | None, seconds: float | None,
+) -> tuple[JointSeries, str | None]:
+    """Return all joints of a topic, and the URDF in the recording; raise RecordingError."""
     print(f'Reading {path} ...', flush=True)
     with Recording(path) as recording:
         name = topic or recording.joint_state_topic()
@@ -58,11 +46,11 @@ def read_recording(path: Path, topic: str | None, seconds: float | None) -> Reco
     print(f'  {name}: {len(series.stamps_ns)} states of {len(series.joint_names)} joints, '
           f'{series.times[-1]:.2f} s, with {measured or "nothing"}'
           + (f'; {series.passed_over} messages skipped' if series.passed_over else ''))
-    return Recorded(series, urdf)
+    return series, urdf
 
 
 def play_recording(
-    recorded: Recorded, urdf: str, rate: float | None, directory: Path,
+    recorded: JointSeries, urdf: str, rate: float | None, directory: Path,
 ) -> AnalysisSettings:
     """
     Play the recorded states to the node, and record all topics.
@@ -70,9 +58,9 @@ def play_recording(
     Returns the settings for the analysis of this recording. Raises RobotDynamicsError if arm and
     recording do not match, DemoError if the node fails.
     """
-    arm = _recorded_arm(urdf, recorded.series)
+    arm = _recorded_arm(urdf, recorded)
     joints = list(arm.joint_names)
-    series = recorded.series.of_joints(arm.joint_names)
+    series = recorded.of_joints(arm.joint_names)
     print(f'Starting dynamics_node ({arm.name}, {arm.joint_count} joints) ...', flush=True)
     now = {'ns': int(series.stamps_ns[0])}
     with recording_session(directory, urdf, time_ns=lambda: now['ns']) as session:
@@ -81,9 +69,9 @@ def play_recording(
             'joints': joints,
             'command': 'gravity_compensation',  # a recorded arm cannot be held
             'state_max_age': 0.0,  # a recording may have any age
-            'effort_check': False})  # no command of this node held the recorded arm
+            'measured_effort': 'none'})  # no command of this node held the recorded arm
         playback = Playback(session, series)
-        session.wait_for(lambda: playback.found, f'a subscriber of {JOINT_STATES}')
+        session.wait_for(lambda: playback.found, f'a subscriber of {Session.JOINT_STATES}')
         print('Playing the recorded states, each after the response to the state before ...',
               flush=True)
         with Progress(len(series.stamps_ns), 'states') as progress:
@@ -94,17 +82,17 @@ def play_recording(
             played = playback.play(rate, on_progress)
         lost = sum(count.lost for count in session.recorder.counts.values())
     print(f'\n{played}; {lost} messages dropped by the recorder\n')
-    return AnalysisSettings(urdf, JOINT_STATES, parameters={'joints': joints})
+    return AnalysisSettings(urdf, Session.JOINT_STATES, parameters={'joints': joints})
 
 
 class Playback:
     """Publishes the samples of a series as a robot does, with their recorded stamps."""
 
     def __init__(self, session: Session, series: JointSeries) -> None:
-        """Take a session that records GRAVITY, whose stamps are those of the answered states."""
+        """Take a session that records the topic GRAVITY with the stamps of answered states."""
         self._session, self._series = session, series
         self._publisher = session.node.create_publisher(
-            JointState, JOINT_STATES, QoSProfile(depth=1))
+            JointState, Session.JOINT_STATES, QoSProfile(depth=1))
 
     @property
     def found(self) -> bool:
@@ -131,9 +119,9 @@ class Playback:
         """Record until the deadline; return early and True at the answer with this stamp."""
         recorder = self._session.recorder
         while (remaining := deadline - time.monotonic()) > 0.0:
-            recorder.wait(GRAVITY, remaining)
+            recorder.wait(Session.GRAVITY, remaining)
             self._session.on_turn()
-            if recorder.counts[GRAVITY].stamp_ns == stamp:
+            if recorder.counts[Session.GRAVITY].stamp_ns == stamp:
                 return True
         return False
 
@@ -145,7 +133,7 @@ class Playback:
             if self._receive_until(time.monotonic() + RESEND_PERIOD, stamp):
                 return resent
         raise DemoError(
-            f'the state of stamp {stamp} ns got no answer on {GRAVITY} in '
+            f'the state of stamp {stamp} ns got no answer on {Session.GRAVITY} in '
             f'{MOST_RESENT * RESEND_PERIOD:g} s.\n{self._session.processes.logs()}')
 
     def _message(self, i: int) -> JointState:

@@ -7,24 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray, IntArray, wrap_to_pi
+from robot_dynamics.arrays import FloatArray, wrap_to_pi
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics_tools.demo.loop import LoopRun
-from robot_dynamics_tools.demo.session import EFFORT_COMMAND, JOINT_STATES, TERMS
+from robot_dynamics_tools.demo.session import Session
 from robot_dynamics_tools.excitation.demo_motion import sample_trajectory
 from robot_dynamics_tools.recordings.reader import Recording, stack, stamp_ns
-from robot_dynamics_tools.reporting.figures import (
-    effort_panel,
-    error_panel,
-    joint_figure,
-    Panel,
-    position_panel,
-    save_figure,
-)
-from robot_dynamics_tools.reporting.interactive import zoomable_figures
+from robot_dynamics_tools.reporting.figures import effort_panel, Panel
+from robot_dynamics_tools.reporting.interactive import add_time_figures
 from robot_dynamics_tools.reporting.text_table import quantity_table
 
 LARGEST_RMS = 0.01
@@ -51,8 +44,7 @@ class LoopReport:
     command; `efforts_per_second` and `wall_seconds` are measured on the wall clock.
     """
 
-    joint_names: tuple[str, ...]
-    joint_kinds: tuple[str, ...]
+    arm: ArmModel
     times: FloatArray
     reference: FloatArray
     measured: FloatArray
@@ -76,23 +68,23 @@ class LoopReport:
     @property
     def missed(self) -> list[str]:
         """The joints that did not track."""
-        return [name for name, rms in zip(self.joint_names, self.rms) if not rms < LARGEST_RMS]
+        return [name for name, rms in zip(self.arm.joint_names, self.rms) if not rms < LARGEST_RMS]
 
 
 def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport:
     """Read a recording of `run`; raise RecordingError if it has no state of the motion."""
     with Recording(recording_path) as recording:
-        states = recording.joint_series(JOINT_STATES, arm.joint_names)
-        commands = recording.joint_series(EFFORT_COMMAND, arm.joint_names)
-        term_stamps, terms = stack(recording.messages(TERMS), TERM_NAMES)
-        arrivals = [time_ns for time_ns, message in recording.messages(EFFORT_COMMAND)
+        states = recording.joint_series(Session.JOINT_STATES, arm.joint_names)
+        commands = recording.joint_series(Session.EFFORT_COMMAND, arm.joint_names)
+        term_stamps, terms = stack(recording.messages(Session.TERMS), TERM_NAMES)
+        arrivals = [time_ns for time_ns, message in recording.messages(Session.EFFORT_COMMAND)
                     if run.start_ns <= stamp_ns(message.header) <= run.end_ns]
     during = (states.stamps_ns >= run.start_ns) & (states.stamps_ns <= run.end_ns)
     stamps = states.stamps_ns[during]
     if states.position is None or len(stamps) < 2 or len(arrivals) < 2 or run.start_ns == 0:
         raise RecordingError('no state of the motion was recorded, or no effort for one')
     wall_seconds = 1e-9 * (arrivals[-1] - arrivals[0])
-    times = _seconds(stamps - run.start_ns)
+    times = np.asarray(1e-9 * (stamps - run.start_ns), dtype=np.float64)
     measured = states.position[during]
     reference = sample_trajectory(run.motion.trajectory, times).position
     error = reference - measured
@@ -100,8 +92,8 @@ def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport
     commanded = np.isin(stamps, commands.stamps_ns)
     term_during = (term_stamps >= run.start_ns) & (term_stamps <= run.end_ns)
     return LoopReport(
-        arm.joint_names, arm.joint_kinds, times, reference, measured, error,
-        _seconds(term_stamps[term_during] - run.start_ns),
+        arm, times, reference, measured, error,
+        np.asarray(1e-9 * (term_stamps[term_during] - run.start_ns), dtype=np.float64),
         {name: values[term_during] for name, values in terms.items()},
         float(commanded.mean()), (len(arrivals) - 1) / wall_seconds, wall_seconds)
 
@@ -118,7 +110,7 @@ def error_rows(report: LoopReport) -> list[tuple[str, ...]]:
     """Return the errors of each joint, after a row of titles."""
     rows: list[tuple[str, ...]] = [('joint', 'RMS error', 'largest error', 'limit of RMS')]
     for name, kind, rms, largest in zip(
-            report.joint_names, report.joint_kinds, report.rms, report.largest):
+            report.arm.joint_names, report.arm.joint_kinds, report.rms, report.largest):
         text = units_of(kind).error_text
         rows.append((name, text(rms), text(largest), text(LARGEST_RMS)))
     return rows
@@ -142,47 +134,44 @@ def rate_lines(report: LoopReport, run: LoopRun) -> list[str]:
             f'{run.motion.worst_joint} (planned)']
 
 
-def loop_panels(report: LoopReport, arm: ArmModel) -> tuple[Panel, ...]:
+def loop_panels(report: LoopReport) -> tuple[Panel, ...]:
     """Return the panels of positions, errors, and the effort by term."""
+    friction = report.arm.friction
     lines = {name: values for name, values in report.terms.items()
-             if name != 'friction' or arm.friction.viscous.any() or arm.friction.coulomb.any()}
+             if name != 'friction' or friction.viscous.any() or friction.coulomb.any()}
     return (
-        position_panel(report.times, report.reference, report.measured),
-        error_panel(report.times, report.error),
+        Panel('Position', 'position', report.times,
+              {'reference': report.reference, 'measured': report.measured}, ('rad', 'm')),
+        Panel('Tracking error', 'error', report.times, {'error': report.error}, ('mrad', 'mm'),
+              1e3),
         effort_panel('Effort by term', report.term_times, lines))
 
 
-def save_picture(report: LoopReport, arm: ArmModel, path: Path) -> None:
-    """Write the figure of `loop_panels`; raise OSError."""
-    title = f'{arm.name}: reference and measured position, and the commanded effort by term'
-    save_figure(joint_figure(
-        title, report.joint_names, report.joint_kinds, loop_panels(report, arm)), path)
-
-
 def write_loop_page(
-    report: LoopReport, run: LoopRun, arm: ArmModel, picture: Path, path: Path, origin: Origin,
+    report: LoopReport, run: LoopRun, picture: Path, path: Path, origin: Origin,
 ) -> None:
-    """Write the report of a closed loop, with the figure in `picture`; raise OSError."""
-    page = Page(f'{arm.name}: closed loop', loop_verdicts(report, arm), RULE, origin)
+    """Write the report of a closed loop, and its figure as `picture`; raise OSError."""
+    name = report.arm.name
+    page = Page(f'{name}: closed loop', loop_verdicts(report), RULE, origin)
     page.section('Tracking error')
     page.table(error_rows(report))
     page.section('Rates')
     page.items(' '.join(line.split()) for line in rate_lines(report, run))
     page.section('Position, tracking error and effort over time')
-    figures = zoomable_figures(
-        report.joint_names, report.joint_kinds, loop_panels(report, arm), None,
-        picture.read_bytes(), 'Position, tracking error and effort by term')
-    page.add(figures.figures, figures.head)
+    picture.write_bytes(add_time_figures(
+        page, report.arm,
+        f'{name}: reference and measured position, and the commanded effort by term',
+        loop_panels(report), 'Position, tracking error and effort by term'))
     path.write_text(page.html(), encoding='utf-8')
 
 
-def loop_verdicts(report: LoopReport, arm: ArmModel) -> list[Verdict]:
+def loop_verdicts(report: LoopReport) -> list[Verdict]:
     """Return the verdict on the tracking of each joint."""
-    efforts = np.abs(report.terms['effort']).max(axis=0, initial=0.0)
+    arm, efforts = report.arm, np.abs(report.terms['effort']).max(axis=0, initial=0.0)
     return [
         tracking_verdict(name, kind, rms, effort / limit, report.answered)
         for name, kind, rms, effort, limit in zip(
-            report.joint_names, report.joint_kinds, report.rms.tolist(), efforts.tolist(),
+            arm.joint_names, arm.joint_kinds, report.rms.tolist(), efforts.tolist(),
             arm.limits.effort.tolist())]
 
 
@@ -202,7 +191,3 @@ def tracking_verdict(
             name, Grade.BAD, f'{100.0 * answered:.0f} % of the states were answered: {size}',
             'use a lower `--rate`')
     return Verdict(name, Grade.BAD, f'the joint does not track: {size}', FASTER)
-
-
-def _seconds(nanoseconds: IntArray) -> FloatArray:
-    return np.asarray(nanoseconds * 1e-9)

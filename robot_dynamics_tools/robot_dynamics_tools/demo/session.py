@@ -13,46 +13,16 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import InertiaStamped
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from robot_dynamics_tools.demo.processes import DemoError, Nodes
-from robot_dynamics_tools.recorder import (
-    interface_definitions,
-    Recorder,
-    TopicSpec,
-    write_description,
-)
-from robot_dynamics_tools.recordings.reader import RecordingWriter, TopicQos
-from robot_dynamics_tools.recordings.topics import ROBOT_DESCRIPTION
+from robot_dynamics_tools.recorder import Recorder, TopicSpec, write_description
+from robot_dynamics_tools.recordings.topics import ROBOT_DESCRIPTION, TopicQos
+from robot_dynamics_tools.recordings.writer import RecordingWriter
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-RECORDING = 'recording'
-DESCRIPTION = 'robot.urdf'
-PICTURE = 'demo.png'
-REPORT = 'report.html'
-
-JOINT_STATES = '/joint_states'
-EFFORT_COMMAND = '/effort_command'
-GRAVITY = '/dynamics/gravity_compensation'
-COMPUTED_TORQUE = '/dynamics/computed_torque'
-TERMS = '/dynamics/terms'
-TRAJECTORY = '/dynamics/joint_trajectory'
-
-TOPICS = (
-    TopicSpec(JOINT_STATES, JointState, stamped=True),
-    TopicSpec(EFFORT_COMMAND, JointState, stamped=True),
-    TopicSpec(GRAVITY, JointState, stamped=True),
-    TopicSpec(COMPUTED_TORQUE, JointState, stamped=True),
-    TopicSpec('/dynamics/commands', Float64MultiArray),
-    TopicSpec(TERMS, DynamicsTerms, stamped=True),
-    TopicSpec('/dynamics/payload', InertiaStamped, qos=TopicQos(transient_local=True)),
-    TopicSpec(TRAJECTORY, JointTrajectory),
-    TopicSpec('/diagnostics', DiagnosticArray, qos=TopicQos(depth=10)),
-)
-"""The recorded topics: commands of `dynamics`, and the joint states for them."""
-CLOCK = TopicSpec('/clock', Clock, qos=TopicQos(depth=10))
-
+RECORDING, DESCRIPTION, PICTURE, REPORT = 'recording', 'robot.urdf', 'demo.png', 'report.html'
+"""Files in the directory of a demo."""
 START_TIMEOUT = 60.0
 """[s] for the start of the nodes, and between two efforts on a busy machine."""
 DRAIN_PERIOD = 0.01
@@ -61,6 +31,22 @@ DRAIN_PERIOD = 0.01
 
 class Session(DynamicsClient):
     """A client of the nodes of the demo, which records all topics while it waits."""
+
+    JOINT_STATES, EFFORT_COMMAND = '/joint_states', '/effort_command'
+    GRAVITY = '/dynamics/gravity_compensation'
+    COMPUTED_TORQUE = '/dynamics/computed_torque'
+    TERMS = '/dynamics/terms'
+    TRAJECTORY = '/dynamics/joint_trajectory'
+    TOPICS = (
+        *(TopicSpec(name, JointState, stamped=True) for name in (
+            JOINT_STATES, EFFORT_COMMAND, GRAVITY, COMPUTED_TORQUE)),
+        TopicSpec('/dynamics/commands', Float64MultiArray),
+        TopicSpec(TERMS, DynamicsTerms, stamped=True),
+        TopicSpec('/dynamics/payload', InertiaStamped, qos=TopicQos(transient_local=True)),
+        TopicSpec(TRAJECTORY, JointTrajectory),
+        TopicSpec('/diagnostics', DiagnosticArray, qos=TopicQos(depth=10)))
+    """The recorded topics: commands of `dynamics`, and the joint states for them."""
+    recorder: Recorder
 
     def __init__(
         self, writer: RecordingWriter, topics: Sequence[TopicSpec],
@@ -81,7 +67,7 @@ class Session(DynamicsClient):
     def on_turn(self) -> None:
         """Record the waiting messages; raise DemoError if a node has ended."""
         self.processes.check()
-        self.recorder.drain()
+        super().on_turn()
 
     def wait_for(self, condition: Callable[[], object], what: str) -> None:
         """Record until `condition` holds; raise DemoError at START_TIMEOUT or if a node ends."""
@@ -95,24 +81,25 @@ class Session(DynamicsClient):
         except NoAnswerError as error:
             raise DemoError(f'{error}.\n{self.processes.logs()}') from None
 
-    def record(self, seconds: float) -> None:
-        """Record for some seconds; raise DemoError if a node has ended."""
-        self.wait(lambda: False, seconds)
+    def record(self) -> None:
+        """Record for a moment; raise DemoError if a node has ended."""
+        self.wait(lambda: False, DRAIN_PERIOD)
 
 
 @contextmanager
 def recording_session(
-    directory: Path, urdf: str, topics: Sequence[TopicSpec] = TOPICS,
+    directory: Path, urdf: str, topics: Sequence[TopicSpec] = (),
     time_ns: Callable[[], int] | None = None,
 ) -> Iterator[Session]:
     """
     Yield a session that records to `directory`/recording; the nodes stop before it is closed.
 
+    `topics` are recorded in addition to those of each session.
+
     The recording begins with the URDF, as any viewer and `--replay` expect it.
     """
-    definitions = interface_definitions('robot_dynamics_interfaces', ['DynamicsTerms'])
-    with (RecordingWriter(directory / RECORDING, definitions) as writer,
-          Session(writer, topics, time_ns, Nodes(directory)) as session):
+    with (RecordingWriter(directory / RECORDING) as writer,
+          Session(writer, (*Session.TOPICS, *topics), time_ns, Nodes(directory)) as session):
         write_description(
             writer, ROBOT_DESCRIPTION, urdf, time.time_ns() if time_ns is None else time_ns())
         yield session

@@ -16,11 +16,17 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.active_trajectory import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.quintics import quintic_via_points
 from robot_dynamics.validation import check_scalar, check_vector
+from robot_dynamics_tools.excitation.excitation_limits import (
+    effort_ratio,
+    ExcitationLimits,
+    room,
+    start_pose,
+)
 
 LIMIT_FRACTION = 0.6
 """Used fraction of the velocity limits, and of the effort limits if gravity takes less."""
@@ -42,9 +48,6 @@ PEAK_ACCELERATION = 10.0 / 3.0**0.5
 _SECONDS_PER_SWING = 1.6
 _SAMPLES = 400
 _SMALLEST_SCALE = 1e-3
-# Start positions of the joints within their ranges: from the middle, in units of half the range.
-_START_PATTERN = (0.25, 1.0 / 6.0)
-_START_SCALES = (1.0, 0.5, 0.25, 0.0, -0.25, -0.5, -1.0)
 # Via-points of the swing; each joint begins at a different entry.
 _SWINGS = np.array((1.0, -0.9, 0.3, -0.6, 0.8, -0.3))
 
@@ -79,7 +82,7 @@ def make_reference_motion(
     dynamics = ArmDynamics(arm)
     q0 = start_pose(dynamics) if start is None else _checked_start(arm, start)
     holding = dynamics.gravity(q0)
-    gravity = _effort_ratio(arm, holding)
+    gravity = effort_ratio(holding, arm.limits.effort)
     if gravity >= 1.0:
         worst = int(np.argmax(np.abs(holding) / arm.limits.effort))
         raise InvalidInputError(
@@ -124,25 +127,7 @@ def motion_along(arm: ArmModel, trajectory: JointTrajectory) -> ReferenceMotion:
     peaks = np.abs(dynamics.inverse_dynamics_batch(q, v, a)).max(axis=0)
     worst = int(np.argmax(peaks / arm.limits.effort))
     return ReferenceMotion(
-        q0, trajectory, _effort_ratio(arm, peaks), arm.joint_names[worst])
-
-
-def start_pose(dynamics: ArmDynamics) -> FloatArray:
-    """
-    Return a pose (n,) well within the limits whose gravity torque is noticeable but feasible.
-
-    Of a few poses about the middle of all ranges, the first one is chosen whose gravity takes at
-    most half of every effort limit; if there is no such pose, the pose with the smallest ratio.
-    """
-    arm = dynamics.arm
-    middle, half_range = _ranges(arm)
-    pattern = np.resize(_START_PATTERN, arm.joint_count)
-    poses = [middle + scale * pattern * half_range for scale in _START_SCALES]
-    ratios = [_effort_ratio(arm, dynamics.gravity(q)) for q in poses]
-    for q, ratio in zip(poses, ratios):
-        if ratio <= 0.5:
-            return q
-    return poses[int(np.argmin(ratios))]
+        q0, trajectory, effort_ratio(peaks, arm.limits.effort), arm.joint_names[worst])
 
 
 def sample_trajectory(trajectory: JointTrajectory, times: FloatArray) -> Reference:
@@ -154,15 +139,6 @@ def sample_trajectory(trajectory: JointTrajectory, times: FloatArray) -> Referen
     return Reference(*(np.array(rows) for rows in zip(*samples)))
 
 
-def _ranges(arm: ArmModel) -> tuple[FloatArray, FloatArray]:
-    """Return the middle of each joint's range and half of the range; π for an infinite range."""
-    lower, upper = arm.limits.lower, arm.limits.upper
-    reach = np.where([kind == 'prismatic' for kind in arm.joint_kinds], 1.0, np.pi)
-    low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper, 0.0) - reach)
-    high = np.where(np.isfinite(upper), upper, np.where(np.isfinite(lower), lower, 0.0) + reach)
-    return 0.5 * (low + high), np.minimum(0.5 * (high - low), reach)
-
-
 def _checked_start(arm: ArmModel, start: FloatArray) -> FloatArray:
     q0 = check_vector('start', start, arm.joint_count, arm.joint_names)
     for name, value, low, high in zip(
@@ -171,10 +147,6 @@ def _checked_start(arm: ArmModel, start: FloatArray) -> FloatArray:
             raise InvalidInputError(
                 f'start of {name!r} is {value:g}, expected a position in [{low:g}, {high:g}]')
     return q0
-
-
-def _effort_ratio(arm: ArmModel, efforts: FloatArray) -> float:
-    return float(np.max(np.abs(efforts) / arm.limits.effort, initial=0.0))
 
 
 def _pattern(n: int, duration: float) -> FloatArray:
@@ -204,14 +176,11 @@ def _swing_within_limits(
 ) -> FloatArray:
     """Return the largest amplitude of each joint (n,); the whole motion is linear in it."""
     n, limits = arm.joint_count, arm.limits
-    x, v, a = _sample(_trajectory(arm, np.zeros(n), pattern, np.ones(n), T))
-    prismatic = np.array([kind == 'prismatic' for kind in arm.joint_kinds])
-    swing = np.where(prismatic, LARGEST_PRISMATIC_SWING, LARGEST_SWING)
-    span = limits.upper - limits.lower
-    margin = POSITION_MARGIN * np.where(np.isfinite(span), span, 0.0)
-    free_above = np.maximum(limits.upper - margin - q0, 0.0)
-    free_below = np.maximum(q0 - limits.lower - margin, 0.0)
-    for free, used in ((free_above, x.max(axis=0)), (free_below, -x.min(axis=0))):
-        swing = np.minimum(swing, np.where(used > 0.0, free / np.maximum(used, 1e-12), np.inf))
-    swing = np.minimum(swing, LIMIT_FRACTION * limits.velocity / np.abs(v).max(axis=0))
-    return np.asarray(np.minimum(swing, LARGEST_ACCELERATION / np.abs(a).max(axis=0)))
+    below, above = room(arm, q0, POSITION_MARGIN)
+    allowed = ExcitationLimits(
+        q0, np.maximum(below, 0.0), np.maximum(above, 0.0), LIMIT_FRACTION * limits.velocity,
+        np.full(n, LARGEST_ACCELERATION), limits.effort)
+    swing = np.where([kind == 'prismatic' for kind in arm.joint_kinds],
+                     LARGEST_PRISMATIC_SWING, LARGEST_SWING)
+    return np.minimum(swing, allowed.largest_scale(
+        *_sample(_trajectory(arm, np.zeros(n), pattern, np.ones(n), T))))

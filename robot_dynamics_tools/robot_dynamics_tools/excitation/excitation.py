@@ -19,7 +19,6 @@ same seed gives the same trajectory with every BLAS kernel and number of threads
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -29,13 +28,10 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.base_parameters import find_base_parameters
 from robot_dynamics.model.regressor import random_states, TorqueRegressor
+from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics_tools.excitation.evolution_strategy import minimize_by_rank
-from robot_dynamics_tools.excitation.excitation_limits import ExcitationLimits
-from robot_dynamics_tools.excitation.fourier_series import (
-    free_coefficients,
-    series_basis,
-    SeriesBasis,
-)
+from robot_dynamics_tools.excitation.excitation_limits import effort_ratio, ExcitationLimits
+from robot_dynamics_tools.excitation.fourier_series import Basis, free_coefficients, series_basis
 
 MOST_HARMONICS = 50
 RANDOM_MOTIONS = 20
@@ -66,14 +62,6 @@ _SHRINK = 0.97
 _SMALLEST_SCALE = 1e-2
 
 
-class Motion(NamedTuple):
-    """Position, velocity and acceleration at m times, (m, n) each."""
-
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-
-
 @dataclass(frozen=True, eq=False)
 class Excitation:
     """
@@ -91,8 +79,8 @@ class Excitation:
     condition: float
     random_conditions: FloatArray
 
-    def motion(self, times: FloatArray) -> Motion:
-        """Return the motion at `times` (m,) [s] from its start."""
+    def motion(self, times: FloatArray) -> Reference:
+        """Return the motion (m, n) at `times` (m,) [s] from its start."""
         basis = series_basis(self.harmonics, self.duration, times)
         return _motion(basis, self.coefficients, self.limits.start)
 
@@ -102,7 +90,7 @@ class ConditionNumber:
 
     def __init__(self, arm: ArmModel) -> None:
         self._regressor = TorqueRegressor(arm)
-        rows = self._rows(Motion(*random_states(arm, 40 * arm.joint_count)))
+        rows = self._rows(Reference(*random_states(arm, 40 * arm.joint_count)))
         names = [str(i) for i in range(rows.shape[1])]
         self._columns = np.array(find_base_parameters(rows, names).columns)
 
@@ -110,7 +98,7 @@ class ConditionNumber:
     def parameter_count(self) -> int:
         return len(self._columns)
 
-    def __call__(self, motion: Motion) -> float:
+    def __call__(self, motion: Reference) -> float:
         """Return the condition number of the base regressor with columns of unit length."""
         W = self._rows(motion)[:, self._columns]
         gram = W.T @ W
@@ -120,7 +108,7 @@ class ConditionNumber:
         squares = np.linalg.eigvalsh(gram / np.outer(size, size))
         return float(min(np.sqrt(squares[-1] / max(squares[0], 1e-300)), WORST))
 
-    def _rows(self, motion: Motion) -> FloatArray:
+    def _rows(self, motion: Reference) -> FloatArray:
         """Return the whole regressor, one row for each effort of each sample."""
         q, v, a = motion
         m, n = q.shape
@@ -143,7 +131,7 @@ class _Search:
         self.count = self._shape[0] * self._shape[1]
         self.condition = ConditionNumber(dynamics.arm)
 
-        def basis(samples: int) -> SeriesBasis:
+        def basis(samples: int) -> Basis:
             count = samples * harmonics
             return series_basis(harmonics, duration, np.arange(0.0, count) * (duration / count))
 
@@ -171,13 +159,15 @@ class _Search:
     def condition_of(self, coefficients: FloatArray) -> float:
         return self.condition(_motion(self._few, coefficients, self._limits.start))
 
-    def _swung(self, x: FloatArray, basis: SeriesBasis) -> FloatArray:
+    def _swung(self, x: FloatArray, basis: Basis) -> FloatArray:
         """Return the coefficients of x scaled to the largest amplitude of each joint."""
         coefficients = x.reshape(self._shape)
-        return coefficients * self._limits.largest_scale(*basis.motion(coefficients))
+        return coefficients * self._limits.largest_scale(
+            *(part @ coefficients for part in basis))
 
-    def _effort_ratio(self, motion: Motion) -> float:
-        return self._limits.effort_ratio(self._dynamics.inverse_dynamics_batch(*motion))
+    def _effort_ratio(self, motion: Reference) -> float:
+        return effort_ratio(
+            self._dynamics.inverse_dynamics_batch(*motion), self._limits.effort)
 
 
 def find_excitation(
@@ -208,7 +198,7 @@ def find_excitation(
         search.condition_of(coefficients), others)
 
 
-def _motion(basis: SeriesBasis, coefficients: FloatArray, start: FloatArray) -> Motion:
-    x, v, a = basis.motion(coefficients)
-    return Motion(start + x, v, a)
+def _motion(basis: Basis, coefficients: FloatArray, start: FloatArray) -> Reference:
+    x, v, a = (part @ coefficients for part in basis)
+    return Reference(start + x, v, a)
 

@@ -5,7 +5,8 @@
 The part of an arm's limits that an excitation motion may use, and the resulting amplitude.
 
 Position, velocity and acceleration of a joint are linear in its amplitude, so that the largest
-amplitude follows directly. Efforts are not linear in the amplitude; they are checked.
+amplitude follows directly. Efforts are not linear in the amplitude; they are checked. The motion
+begins at a pose well within the limits.
 """
 
 from dataclasses import dataclass
@@ -13,30 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.validation import check_scalar, check_vector
-from robot_dynamics_tools.excitation.demo_motion import start_pose
 
 LARGEST_SWING = np.pi
 """Largest distance [rad] or [m] from the start, for joints without position limits."""
-DEFAULT_ACCELERATION = 6.0
-"""Largest acceleration [rad/s²] or [m/s²]."""
-
-
-@dataclass(frozen=True)
-class LimitFractions:
-    """
-    The fractions of the limits that a motion may use.
-
-    `position_margin` is the fraction of a joint's range that is kept free at each end, `velocity`
-    and `effort` are the fractions of those limits. `acceleration` [rad/s²] or [m/s²] is the limit
-    itself, because a URDF has no acceleration limit.
-    """
-
-    position_margin: float = 0.05
-    velocity: float = 0.6
-    effort: float = 0.8
-    acceleration: float = DEFAULT_ACCELERATION
+# Start positions of the joints within their ranges: from the middle, in units of half the range.
+_START_PATTERN = (0.25, 1.0 / 6.0)
+_START_SCALES = (1.0, 0.5, 0.25, 0.0, -0.25, -0.5, -1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,37 +52,34 @@ class ExcitationLimits:
             scale[moves] = np.minimum(scale, limit / np.where(moves, used, 1.0))[moves]
         return np.where(np.isfinite(scale), scale, 0.0)
 
-    def effort_ratio(self, efforts: FloatArray) -> float:
-        """Return the largest ratio of efforts (m, n) to the allowed effort."""
-        return float(np.max(np.abs(efforts) / self.effort, initial=0.0))
-
 
 def motion_limits(
-    dynamics: ArmDynamics, fractions: LimitFractions, start: FloatArray | None = None,
+    dynamics: ArmDynamics, start: FloatArray | None = None, position_margin: float = 0.05,
+    velocity_scale: float = 0.6, effort_scale: float = 0.8, acceleration: float = 6.0,
 ) -> ExcitationLimits:
     """
     Return the limits of a motion from `start` (n,), or from a default pose without `start`.
 
+    `position_margin` is the fraction of a joint's range that is kept free at each end, both scales
+    are the used fractions of those limits. `acceleration` [rad/s²] or [m/s²] is the limit itself,
+    because a URDF has no acceleration limit.
     Raises InvalidInputError for a fraction outside (0, 1], for a start at which a joint cannot
     move within its limits, and if the gravity torque at the start exceeds the allowed effort.
     """
     arm = dynamics.arm
-    margin = check_scalar('position_margin', fractions.position_margin, 0.0, 0.49)
-    velocity = check_scalar('velocity_scale', fractions.velocity, 0.0, 1.0, exclusive_minimum=True)
-    effort = check_scalar('effort_scale', fractions.effort, 0.0, 1.0, exclusive_minimum=True)
-    acceleration = check_scalar(
-        'acceleration', fractions.acceleration, 0.0, exclusive_minimum=True)
+    margin = check_scalar('position_margin', position_margin, 0.0, 0.49)
+    velocity = check_scalar('velocity_scale', velocity_scale, 0.0, 1.0, exclusive_minimum=True)
+    effort = check_scalar('effort_scale', effort_scale, 0.0, 1.0, exclusive_minimum=True)
+    check_scalar('acceleration', acceleration, 0.0, exclusive_minimum=True)
     limits, n = arm.limits, arm.joint_count
     q0 = start_pose(dynamics) if start is None else check_vector(
         'start', start, n, arm.joint_names)
-    span = limits.upper - limits.lower
-    kept = margin * np.where(np.isfinite(span), span, 0.0)
-    for name, q, low, high in zip(
-            arm.joint_names, q0, limits.lower + kept, limits.upper - kept):
-        if not low < q < high:
+    below, above = room(arm, q0, margin)
+    for name, q, down, up in zip(arm.joint_names, q0, below, above):
+        if not (down > 0.0 and up > 0.0):
             raise InvalidInputError(
-                f'start of {name!r} is {q:g}, expected a position between {low:g} and {high:g}, '
-                'where it can move, or a list of joints without this joint')
+                f'start of {name!r} is {q:g}, expected a position between {q - down:g} and '
+                f'{q + up:g}, where it can move, or a list of joints without this joint')
     allowed = effort * limits.effort
     holding = np.abs(dynamics.gravity(q0))
     if (holding >= allowed).any():
@@ -106,6 +89,44 @@ def motion_limits(
             f'expected less than the allowed effort of {allowed[j]:.4g}: another start, or a '
             'larger effort_scale')
     return ExcitationLimits(
-        q0, np.minimum(q0 - limits.lower - kept, LARGEST_SWING),
-        np.minimum(limits.upper - kept - q0, LARGEST_SWING),
+        q0, np.minimum(below, LARGEST_SWING), np.minimum(above, LARGEST_SWING),
         velocity * limits.velocity, np.full(n, acceleration), allowed)
+
+
+def room(arm: ArmModel, q: FloatArray, margin: float) -> tuple[FloatArray, FloatArray]:
+    """Return the distances (n,) from q down and up to the limits, less `margin` of the range."""
+    span = arm.limits.upper - arm.limits.lower
+    kept = margin * np.where(np.isfinite(span), span, 0.0)
+    return q - arm.limits.lower - kept, arm.limits.upper - kept - q
+
+
+def start_pose(dynamics: ArmDynamics) -> FloatArray:
+    """
+    Return a pose (n,) well within the limits whose gravity torque is noticeable but feasible.
+
+    Of a few poses about the middle of all ranges, the first one is chosen whose gravity takes at
+    most half of every effort limit; if there is no such pose, the pose with the smallest ratio.
+    """
+    arm = dynamics.arm
+    middle, half_range = _ranges(arm)
+    pattern = np.resize(_START_PATTERN, arm.joint_count)
+    poses = [middle + scale * pattern * half_range for scale in _START_SCALES]
+    ratios = [effort_ratio(dynamics.gravity(q), arm.limits.effort) for q in poses]
+    for q, ratio in zip(poses, ratios):
+        if ratio <= 0.5:
+            return q
+    return poses[int(np.argmin(ratios))]
+
+
+def _ranges(arm: ArmModel) -> tuple[FloatArray, FloatArray]:
+    """Return the middle of each joint's range and half of the range; π for an infinite range."""
+    lower, upper = arm.limits.lower, arm.limits.upper
+    reach = np.where([kind == 'prismatic' for kind in arm.joint_kinds], 1.0, np.pi)
+    low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper, 0.0) - reach)
+    high = np.where(np.isfinite(upper), upper, np.where(np.isfinite(lower), lower, 0.0) + reach)
+    return 0.5 * (low + high), np.minimum(0.5 * (high - low), reach)
+
+
+def effort_ratio(efforts: FloatArray, limit: FloatArray) -> float:
+    """Return the largest ratio of efforts (…, n) to their limits (n,)."""
+    return float(np.max(np.abs(efforts) / limit, initial=0.0))

@@ -15,7 +15,6 @@ the ends are added here.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -25,17 +24,8 @@ from robot_dynamics.validation import check_scalar
 FEWEST_HARMONICS = 2
 
 
-class SeriesBasis(NamedTuple):
-    """The contributions of the free coefficients to q − q₀, q̇ and q̈, each (m, 2 N − 2)."""
-
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-
-    def motion(self, coefficients: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return q − q₀, q̇ and q̈, (m, n) each, of coefficients (2 N − 2, n)."""
-        return (self.position @ coefficients, self.velocity @ coefficients,
-                self.acceleration @ coefficients)
+Basis = tuple[FloatArray, FloatArray, FloatArray]
+"""The contributions of the free coefficients to q − q₀, q̇ and q̈, each (m, 2 N − 2)."""
 
 
 def free_coefficients(harmonics: int) -> int:
@@ -47,7 +37,7 @@ def free_coefficients(harmonics: int) -> int:
     return 2 * harmonics - 2
 
 
-def series_basis(harmonics: int, duration: float, times: FloatArray) -> SeriesBasis:
+def series_basis(harmonics: int, duration: float, times: FloatArray) -> Basis:
     """
     Return the basis of motions of `duration` T [s] with N `harmonics`, at `times` (m,) [s].
 
@@ -62,10 +52,8 @@ def series_basis(harmonics: int, duration: float, times: FloatArray) -> SeriesBa
     free = np.zeros((2 * harmonics, count))
     free[:harmonics, :harmonics - 1] = _orthogonal_to(np.ones_like(order))
     free[harmonics:, harmonics - 1:] = _orthogonal_to(order)
-    return SeriesBasis(
-        np.hstack((sine / w, (1.0 - cosine) / w)) @ free,
-        np.hstack((cosine, sine)) @ free,
-        np.hstack((-w * sine, w * cosine)) @ free)
+    return (np.hstack((sine / w, (1.0 - cosine) / w)) @ free, np.hstack((cosine, sine)) @ free,
+            np.hstack((-w * sine, w * cosine)) @ free)
 
 
 def _orthogonal_to(w: FloatArray) -> FloatArray:

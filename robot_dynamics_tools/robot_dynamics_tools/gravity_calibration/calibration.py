@@ -23,16 +23,10 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.worst_gravity import sample_positions
+from robot_dynamics_tools.estimated_weights import NORMAL
+from robot_dynamics_tools.gravity_calibration import scale_fit
 from robot_dynamics_tools.gravity_calibration.gravity_model import gravity_regressor, link_columns
 from robot_dynamics_tools.gravity_calibration.holds import Hold, pair_holds, PairedHolds
-from robot_dynamics_tools.gravity_calibration.scale_fit import (
-    fit_scales,
-    NORMAL,
-    Observations,
-    ScaleFit,
-    Spread,
-    TYPICAL_SCALE_ERROR,
-)
 from robot_dynamics_tools.gravity_calibration.tool_estimate import (
     estimate_tool,
     Tool,
@@ -165,8 +159,8 @@ def calibrate_holds(
 
 
 def _covariance(
-    arm: ArmModel, seen: Observations, fit: ScaleFit, spread: Spread, scale: FloatArray,
-    is_observable: BoolArray, has_enough: BoolArray,
+    arm: ArmModel, seen: scale_fit.Observations, fit: scale_fit.ScaleFit,
+    spread: scale_fit.Spread, scale: FloatArray, is_observable: BoolArray, has_enough: BoolArray,
 ) -> FloatArray:
     """Return the covariance (2n, 2n) of s and o, from that of k = 1 / s and o."""
     n = len(scale)
@@ -176,7 +170,7 @@ def _covariance(
     slope = ratio * np.concatenate([-scale**2, np.ones(n)])
     limit = np.where(np.isfinite(arm.limits.effort), arm.limits.effort,
                      np.abs(seen.effort).max(axis=0))
-    unknown = np.concatenate([TYPICAL_SCALE_ERROR * scale, UNKNOWN_OFFSET * limit])
+    unknown = np.concatenate([scale_fit.TYPICAL_SCALE_ERROR * scale, UNKNOWN_OFFSET * limit])
     return np.asarray(np.where(
         np.outer(is_known, is_known), fit.covariance[:2 * n, :2 * n] * np.outer(slope, slope),
         np.diag(unknown**2)))
@@ -194,7 +188,7 @@ def _check_poses(one: HoldSet) -> None:
 
 def _observations(
     arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None, reference: ScaleReference,
-) -> tuple[Observations, FloatArray]:
+) -> tuple[scale_fit.Observations, FloatArray]:
     """Return the equations of all sets, and the gravity parameters (4 × bodies, k) of β."""
     Y = np.concatenate([
         one.paired.mean(gravity_regressor(arm, one.paired.positions)) for one in sets])
@@ -204,7 +198,8 @@ def _observations(
         np.tile(_weight_parameters(arm, one.weight), (len(one.paired.times), 1)) for one in sets])
     known = np.einsum('pjk,pk->pj', Y, loads)
     if reference is ScaleReference.WEIGHT:
-        return Observations(effort, known, Y @ (basis := _basis(Y[is_used])), is_used), basis
+        basis = _basis(Y[is_used])
+        return scale_fit.Observations(effort, known, Y @ basis, is_used), basis
     known += np.concatenate([
         one.paired.mean(RigidBody(arm).gravity_batch(one.paired.positions)) for one in sets])
     basis = np.zeros((Y.shape[2], 0))
@@ -212,7 +207,7 @@ def _observations(
         T = link_columns(arm, tool.link)
         known += Y @ (T[:, 0] * tool.mass)
         basis = T[:, 1:]
-    return Observations(effort, known, Y @ basis, is_used), basis
+    return scale_fit.Observations(effort, known, Y @ basis, is_used), basis
 
 
 def _weight_parameters(arm: ArmModel, weight: Payload | None) -> FloatArray:
@@ -234,11 +229,11 @@ def _basis(Y: FloatArray) -> FloatArray:
 
 
 def _fit(
-    seen: Observations, arm: ArmModel, assumed: FloatArray,
-) -> tuple[ScaleFit, BoolArray]:
+    seen: scale_fit.Observations, arm: ArmModel, assumed: FloatArray,
+) -> tuple[scale_fit.ScaleFit, BoolArray]:
     """Return the fit, and which joints have an observable scale; the others are `assumed`."""
     n = arm.joint_count
-    fit = fit_scales(seen, np.full(n, np.nan))
+    fit = scale_fit.fit_scales(seen, np.full(n, np.nan))
     deviation = fit.spread(np.eye(n, len(fit.is_lost))).deviation
     is_observable = seen.is_used.any(axis=0) & (
         deviation < UNOBSERVABLE * np.abs(fit.inverse)) & (fit.inverse > 0.0)
@@ -250,13 +245,13 @@ def _fit(
             f'standard deviation {fit.noise.round(3).tolist()}, expected poses in which the '
             'gravity torque differs more')
     if not is_observable.all():
-        fit = fit_scales(seen, np.where(is_observable, np.nan, assumed))
+        fit = scale_fit.fit_scales(seen, np.where(is_observable, np.nan, assumed))
     return fit, is_observable
 
 
 def _values(
-    seen: Observations, torque: FloatArray, fit: ScaleFit, is_observable: BoolArray,
-    has_enough: BoolArray, previous: EffortCalibration,
+    seen: scale_fit.Observations, torque: FloatArray, fit: scale_fit.ScaleFit,
+    is_observable: BoolArray, has_enough: BoolArray, previous: EffortCalibration,
 ) -> tuple[FloatArray, FloatArray]:
     """Return scale and offset, of the fit or the previous ones."""
     scale = np.where(is_observable, 1.0 / fit.inverse, previous.scale)

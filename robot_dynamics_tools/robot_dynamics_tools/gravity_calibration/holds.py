@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics_tools.recordings.reader import JointSeries
+from robot_dynamics_tools.recordings.joint_series import JointSeries
 
 LEAST_DURATION = 1.0
 """Shortest duration [s] of a hold."""

@@ -4,8 +4,9 @@
 """The results of a calibration of gravity: verdicts, rows of text, and the HTML report."""
 
 import numpy as np
-from robot_dynamics.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.joints.effort_calibration import LARGEST_OFFSET, LARGEST_SCALE, LEAST_SCALE
+from robot_dynamics.joints.units import units_of
+from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics_tools.gravity_calibration.calibration import (
     Calibration,
     LEAST_POSES,
@@ -16,8 +17,9 @@ from robot_dynamics_tools.gravity_calibration.recorded_holds import (
     RecordedCalibration,
     RecordedHolds,
 )
+from robot_dynamics_tools.gravity_calibration.tool_estimate import ToolEstimate
 from robot_dynamics_tools.reporting.figures import comparison_panels, joint_figure
-from robot_dynamics_tools.reporting.images import add_figure
+from robot_dynamics_tools.reporting.interactive import add_figure
 from robot_dynamics_tools.reporting.text_table import Rows
 
 
@@ -42,7 +44,7 @@ def joint_rows(found: Calibration) -> Rows:
     rows: Rows = [('joint', 'effort scale', '± (95 %)', 'effort offset', '± (95 %)',
                    'noise at a pose', 'range of gravity', 'poses')]
     for j, name in enumerate(found.arm.joint_names):
-        unit = effort_unit(found, j)
+        unit = units_of(found.arm.joint_kinds[j]).effort
         rows.append((
             name, f'{found.scale[j]:.4f}', _finite(found.scale_interval[j], ''),
             f'{found.offset[j]:.3f} {unit}',
@@ -52,13 +54,10 @@ def joint_rows(found: Calibration) -> Rows:
     return rows
 
 
-def tool_rows(found: Calibration) -> Rows:
-    """Return mass and first moments of the tool with their 95 % intervals, if estimated."""
-    if found.tool is None:
-        return []
-    rows: Rows = [(f'tool on {found.tool.link}', 'value', '± (95 %)')]
-    for name, unit, value, interval in zip(
-            NAMES, UNITS, found.tool.values, found.tool.intervals):
+def tool_rows(tool: ToolEstimate) -> Rows:
+    """Return mass and first moments of a tool with their 95 % intervals."""
+    rows: Rows = [(f'tool on {tool.link}', 'value', '± (95 %)')]
+    for name, unit, value, interval in zip(NAMES, UNITS, tool.values, tool.intervals):
         is_known = np.isfinite(interval)
         rows.append((name, f'{value:.4g} {unit}' if is_known else 'not observable', (
             'given' if interval == 0.0 else _finite(interval, f' {unit}'))))
@@ -68,9 +67,9 @@ def tool_rows(found: Calibration) -> Rows:
 def hold_rows(found: RecordedHolds) -> Rows:
     """Return the holds, with positions and the side from which each joint came."""
     arm = found.arm
-    units = ['m' if kind == 'prismatic' else 'rad' for kind in arm.joint_kinds]
     rows: Rows = [('time [s]', *(
-        f'{name} [{unit}]' for name, unit in zip(arm.joint_names, units)))]
+        f'{name} [{units_of(kind).position}]'
+        for name, kind in zip(arm.joint_names, arm.joint_kinds)))]
     return rows + [(f'{hold.start:.1f} to {hold.end:.1f}', *(
         f'{q:.3f} {"−?+"[side + 1]}' for q, side in zip(hold.position, hold.approach)))
         for hold in found.holds]
@@ -124,7 +123,7 @@ def is_accepted(found: Calibration) -> bool:
 
 
 def _verdict(found: Calibration, j: int) -> Verdict:
-    name, unit = found.arm.joint_names[j], effort_unit(found, j)
+    name, unit = found.arm.joint_names[j], units_of(found.arm.joint_kinds[j]).effort
     limit = float(found.arm.given_drive.limit[j])
     offset, of_offset = float(found.offset[j]), float(found.offset_interval[j])
     if not found.has_enough_poses[j]:
@@ -150,7 +149,7 @@ def _verdict(found: Calibration, j: int) -> Verdict:
 
 
 def _unobservable(found: Calibration, j: int, at_zero: str) -> Verdict:
-    name, unit = found.arm.joint_names[j], effort_unit(found, j)
+    name, unit = found.arm.joint_names[j], units_of(found.arm.joint_kinds[j]).effort
     kept = f'scale {found.scale[j]:.4g} is kept; {at_zero}'
     if found.reachable_range[j] <= UNLOADED * found.reachable_range.max() and (
             found.torque_range[j] <= UNLOADED * found.reachable_range.max()):
@@ -164,10 +163,6 @@ def _unobservable(found: Calibration, j: int, at_zero: str) -> Verdict:
 
 def _more(found: Calibration) -> str:
     return WEIGHT if found.reference is ScaleReference.WEIGHT else POSES
-
-
-def effort_unit(found: Calibration, j: int) -> str:
-    return 'N' if found.arm.joint_kinds[j] == 'prismatic' else 'N·m'
 
 
 def calibration_page(found: RecordedCalibration, origin: Origin) -> str:
@@ -189,7 +184,7 @@ def calibration_page(found: RecordedCalibration, origin: Origin) -> str:
               'gravity torque in the poses.')
     if calibration.tool is not None:
         page.section('Tool')
-        page.table(tool_rows(calibration))
+        page.table(tool_rows(calibration.tool))
         page.items(notes(calibration))
         page.text('m: mass; mx, my, mz: mass times centre of mass, in the frame of the link.')
     page.section('Effort at the poses')
@@ -212,7 +207,6 @@ def _add_figures(page: Page, found: Calibration) -> None:
         measured = np.where(found.has_enough_poses, found.measured[rows], 0.0)
         model = np.where(found.has_enough_poses, found.model[rows], 0.0)
         add_figure(page, joint_figure(
-            title, arm.joint_names, arm.joint_kinds,
-            comparison_panels(found.times[rows], measured, model)),
+            title, arm, comparison_panels(found.times[rows], measured, model)),
             f'{title}: measured and modelled effort at the poses')
         first = rows.stop

@@ -17,11 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, column_scale, FloatArray
-from robot_dynamics.dependencies import optional
+from robot_dynamics_tools.estimated_weights import estimated_weights
 
-CONFIDENCE = 0.95
-NORMAL = 1.959964
-"""Half width of the 95 % interval of a normal distribution, in standard deviations."""
 TYPICAL_SCALE_ERROR = 0.3
 """Standard deviation of 1/s about its assumed value, at a joint without observable scale."""
 _STEPS, _ROUNDS = 30, 6
@@ -86,23 +83,14 @@ class ScaleFit:
         return np.asarray(self.parts.sum(axis=0))
 
     def spread(self, combinations: FloatArray) -> Spread:
-        """
-        Return the spread of combinations (c, 2n + k) of k, o and β.
-
-        With the fraction f_j of the variance due to joint j, and the degrees of freedom ν_j, the
-        estimated weights increase the variance by the factor 1 + 4 Σ f_j (1 − f_j) / ν_j, and the
-        intervals are those of Student's t with 1 / Σ (f_j² / ν_j) degrees of freedom: P. Meier,
-        *Variance of a weighted mean*, Biometrics 9(1), 1953.
-        """
+        """Return the spread of combinations (c, 2n + k) of k, o and β."""
         C = combinations
         variances = np.einsum('ck,jkl,cl->jc', C, self.parts, C, optimize=True)
         total = variances.sum(axis=0)
         share = np.divide(variances, total, out=np.zeros_like(variances), where=total > 0.0)
-        of_joint = self.freedom[:, None]
-        deviation = np.sqrt(total * (1.0 + 4.0 * (share * (1.0 - share) / of_joint).sum(axis=0)))
-        freedom = 1.0 / np.maximum((share**2 / of_joint).sum(axis=0), 1.0 / _UNLIMITED)
-        quantile = optional('scipy.special', 'an interval of confidence').stdtrit
-        interval = deviation * quantile(freedom, 0.5 + 0.5 * CONFIDENCE)
+        factor, quantile = estimated_weights(share, self.freedom)
+        deviation = np.sqrt(total) * factor
+        interval = deviation * quantile
         is_lost = (np.abs(C[:, self.is_lost]) > _LOST).any(axis=1)
         return Spread(np.where(is_lost, np.inf, deviation), np.where(is_lost, np.inf, interval))
 

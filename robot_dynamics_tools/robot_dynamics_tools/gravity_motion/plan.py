@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import FloatArray, wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools.excitation.demo_motion import rest_to_rest_seconds
+from robot_dynamics_tools.gravity_calibration.holds import per_joint
 from robot_dynamics_tools.gravity_calibration.poses import approach_distance
 
 SHORTEST_HOLD = 1.5
@@ -122,19 +123,19 @@ def make_plan(
     Raises InvalidInputError for a setting that is not positive.
     """
     hold = check_scalar('--hold', settings.hold, SHORTEST_HOLD, LONGEST_HOLD)
-    velocity = _per_joint(arm, '--velocity', settings.velocity, 0.5, 0.1)
+    velocity = _given_or((0.5, 0.1), arm, '--velocity', settings.velocity)
     velocity = np.minimum(velocity, VELOCITY_SHARE * arm.limits.velocity)
-    step = _per_joint(arm, '--step', settings.step, 0.5, 0.1)
+    step = _given_or((0.5, 0.1), arm, '--step', settings.step)
     step = np.where(arm.is_continuous, np.minimum(step, LARGEST_TURN), step)
     return MotionPlan(
         arm, within_a_turn(arm, start), poses, hold, approach_of(arm, settings.approach), step,
-        velocity, _per_joint(arm, '--tolerance', settings.tolerance, 0.2, 0.05))
+        velocity, _given_or((0.2, 0.05), arm, '--tolerance', settings.tolerance))
 
 
 def approach_of(arm: ArmModel, given: float | None) -> FloatArray:
     """Return δ (n,), by default `approach_distance`, at most 0.05 of the position range."""
     if given is not None:
-        return _per_joint(arm, '--approach', given, 0.0, 0.0)
+        return _given_or((0.0, 0.0), arm, '--approach', given)
     span = arm.limits.upper - arm.limits.lower
     return np.minimum(approach_distance(arm), APPROACH_SHARE * span)
 
@@ -148,7 +149,7 @@ def position_bounds(
     `ranges` are JOINT, MIN, MAX as texts. With `is_finite`, a joint without position limits moves
     within one turn, or 1 m, around 0. Raises InvalidInputError.
     """
-    reach = np.where(_slides(arm), 1.0, np.pi) if is_finite else np.full(arm.joint_count, np.inf)
+    reach = per_joint((np.pi, 1.0) if is_finite else (np.inf, np.inf), arm.joint_kinds)
     low = np.where(np.isfinite(arm.limits.lower), arm.limits.lower, -reach)
     high = np.where(np.isfinite(arm.limits.upper), arm.limits.upper, reach)
     for name, *texts in ranges:
@@ -170,20 +171,16 @@ def position_bounds(
 
 
 def within_a_turn(arm: ArmModel, position: FloatArray) -> FloatArray:
-    """Return a position (n,) with continuous joints in [−π, π)."""
-    turned = np.remainder(position + np.pi, 2.0 * np.pi) - np.pi
-    return np.where(arm.is_continuous, turned, position)
+    """Return a position (n,) with continuous joints in (−π, π]."""
+    return np.where(arm.is_continuous, wrap_to_pi(position), position)
 
 
-def _slides(arm: ArmModel) -> 'np.ndarray[tuple[int, ...], np.dtype[np.bool_]]':
-    return np.array([kind == 'prismatic' for kind in arm.joint_kinds])
-
-
-def _per_joint(
-    arm: ArmModel, option: str, given: float | None, revolute: float, prismatic: float,
+def _given_or(
+    defaults: tuple[float, float], arm: ArmModel, option: str, given: float | None,
 ) -> FloatArray:
+    """Return the value of each joint (n,); the defaults are as those of `per_joint`."""
     if given is None:
-        return np.where(_slides(arm), prismatic, revolute)
+        return per_joint(defaults, arm.joint_kinds)
     return np.full(
         arm.joint_count, check_scalar(option, given, 0.0, 1e3, exclusive_minimum=True))
 

@@ -14,8 +14,8 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import Payload
+from robot_dynamics.urdf.yaml_text import load_yaml
 from robot_dynamics.validation import check_scalar, LARGEST_VALUE
-from robot_dynamics.yaml_text import load_yaml
 from robot_dynamics_tools.gravity_calibration.calibration import LEAST_POSES
 from robot_dynamics_tools.gravity_calibration.poses import approach_distance, COUNTS, select_poses
 from robot_dynamics_tools.gravity_motion.plan import position_bounds

@@ -30,7 +30,7 @@ def preview(plan: MotionPlan, node: str, weight: Payload | None, outputs: Sequen
     blocks = [
         f'{node}: {len(poses)} poses of {arm.name}, in this order',
         _table(arm, [_position_cells(arm, q) for q in np.vstack([plan.start, poses])],
-               [_unit(kind) for kind in arm.joint_kinds], 'start'),
+               ['m' if kind == 'prismatic' else 'deg' for kind in arm.joint_kinds], 'start'),
         'Gravity torque [% of the effort limit]\n' + _share_table(arm, poses, None)]
     if weight is not None:
         blocks.append(
@@ -95,7 +95,3 @@ def _quantity(value: float, kind: str, of_time: str = '') -> str:
     if kind == 'prismatic':
         return f'{value:.3f} m{of_time}'
     return f'{np.degrees(value):.1f} deg{of_time}'
-
-
-def _unit(kind: str) -> str:
-    return 'm' if kind == 'prismatic' else 'deg'

@@ -12,7 +12,6 @@ import time
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from geometry_msgs.msg import InertiaStamped
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
@@ -30,12 +29,12 @@ from robot_dynamics_tools.gravity_motion.plan import (
 )
 from robot_dynamics_tools.gravity_motion.poses import chosen_poses, PoseChoice
 from robot_dynamics_tools.gravity_motion.preview import preview
-from robot_dynamics_tools.gravity_motion.watch import ArmWatch, Publish, RecordingClient
+from robot_dynamics_tools.gravity_motion.watch import ArmWatch, Publish
 from robot_dynamics_tools.recorder import Recorder, write_description
 from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm, uninterrupted
 from robot_dynamics_tools.recordings.writer import RecordingWriter
 from robot_dynamics_tools.reporting.progress import Progress
-from robot_dynamics_tools.ros2_dynamics.client import RefusedError
+from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, RefusedError
 from robot_dynamics_tools.ros2_dynamics.move import goal_publication
 from robot_dynamics_tools.ros2_dynamics.record import topic_specs
 from std_srvs.srv import Trigger
@@ -44,9 +43,6 @@ TRANSITION = 3.0
 """[s] over which the node changes the compensation of the weight."""
 RECORDED = ('effort_command', '~/reference', '~/payload')
 """The recorded topics in addition to the joint states and the URDF."""
-NEEDED = {'command': 'computed_torque', 'condition_references': True}
-"""Parameters of the node without which the arm does not move, or not smoothly."""
-
 FRICTION_COMPENSATION = 'friction_compensation'
 """
 The parameter of the node that is `none` during the holds.
@@ -94,15 +90,16 @@ def record_holds(request: MotionRequest) -> str | None:
     if not (request.previews or request.is_confirmed or sys.stdin.isatty()):
         raise InvalidInputError(
             'standard input is no terminal, expected one for the confirmation, or --yes')
-    with interrupted_by_sigterm(), RecordingClient(request.node, request.timeout) as client:
+    with interrupted_by_sigterm(), DynamicsClient(request.node, request.timeout) as client:
         return _record_holds(client, request)
 
 
-def _record_holds(client: RecordingClient, request: MotionRequest) -> str | None:
+def _record_holds(client: DynamicsClient, request: MotionRequest) -> str | None:
     urdf = request.urdf if request.urdf is not None else client.description()
     arm = arm_from_parameters(urdf, request.parameters)
     _check_node(client, arm, request.parameters.get('measured_effort', 'joint_torque'))
-    payloads = _payloads(client, arm)
+    found = (payload_from_ros(arm, message) for message in client.payloads())
+    payloads = [payload for payload in found if payload is not None]
     _check_weight(payloads, request.weight)
     arm = arm.with_payloads(payloads)
     watch = ArmWatch(client, arm)
@@ -117,7 +114,8 @@ def _record_holds(client: RecordingClient, request: MotionRequest) -> str | None
     print(preview(plan, client.name, request.weight, request.outputs), flush=True)
     if request.previews:
         return None
-    _confirm(request.is_confirmed)
+    if not request.is_confirmed:
+        _confirm()
     CalibrationMotion(client, watch, urdf, request.weight).run(plan, request.outputs)
     return client.joint_state_topic()
 
@@ -126,7 +124,7 @@ class CalibrationMotion:
     """The passes of a calibration; every end leaves an arm that holds, and is reported."""
 
     def __init__(
-        self, client: RecordingClient, watch: ArmWatch, urdf: str, weight: Payload | None,
+        self, client: DynamicsClient, watch: ArmWatch, urdf: str, weight: Payload | None,
     ) -> None:
         """Take the client and the watch of a node; `urdf` is recorded."""
         self._client, self._watch, self._urdf, self._weight = client, watch, urdf, weight
@@ -236,9 +234,10 @@ class CalibrationMotion:
         self._weight_note = (
             'The compensation of the weight is not set. If the weight is attached, the arm holds '
             'it by feedback only:\nremove the weight')
+        centre = ', '.join(f'{value:g}' for value in weight.com)
         _wait_for_enter(
             f'The arm holds its position. Attach {weight.mass:g} kg to {weight.link}, with its '
-            f'centre of mass at {_vector(weight)} m in the frame of this link.\nThe arm may sag '
+            f'centre of mass at ({centre}) m in the frame of this link.\nThe arm may sag '
             'a little. Leave the reach of the arm, then press Enter: the node compensates the '
             f'weight within {TRANSITION:g} s, and the arm moves through the poses again. ')
         note, self._weight_note = self._weight_note, self._attached_note(weight)
@@ -278,14 +277,13 @@ class CalibrationMotion:
 
 # ------------------------------------------------------------------------------ before the motion
 
-def _check_node(client: RecordingClient, arm: ArmModel, measured_effort: str) -> None:
+def _check_node(client: DynamicsClient, arm: ArmModel, measured_effort: str) -> None:
     """Raise InvalidInputError unless the node moves this arm, and measures what is expected."""
-    found = client.parameters([*NEEDED, 'measured_effort', 'gravity'])
-    for name, wanted in NEEDED.items():
-        if found[name] != wanted:
-            raise InvalidInputError(
-                f'parameter {name} of {client.name} is {found[name]!r}, expected {wanted!r}: the '
-                'node moves the arm through conditioned references')
+    found = client.parameters(['command', 'measured_effort', 'gravity'])
+    if found['command'] != 'computed_torque':
+        raise InvalidInputError(
+            f'parameter command of {client.name} is {found["command"]!r}, expected '
+            "'computed_torque', with which the node moves the arm")
     if found['measured_effort'] in WITHOUT_GRAVITY:
         raise InvalidInputError(
             f'parameter measured_effort of {client.name} is {found["measured_effort"]!r}, '
@@ -300,15 +298,6 @@ def _check_node(client: RecordingClient, arm: ArmModel, measured_effort: str) ->
                 f'{client.name}: use the parameter file of the node')
 
 
-def _payloads(client: RecordingClient, arm: ArmModel) -> list[Payload]:
-    """Return the payloads that the node compensates."""
-    messages = client.receive_latched(InertiaStamped, client.resolve('~/payload'))
-    newest = messages[-1].header.stamp if messages else None
-    found = [payload_from_ros(arm, message) for message in messages
-             if message.header.stamp == newest and message.inertia.m > 0.0]
-    return [payload for payload in found if payload is not None]
-
-
 def _check_weight(payloads: Sequence[Payload], weight: Payload | None) -> None:
     for payload in payloads:
         if weight is not None and payload.link == weight.link:
@@ -321,9 +310,7 @@ def _check_weight(payloads: Sequence[Payload], weight: Payload | None) -> None:
               'as parts of the tool.')
 
 
-def _confirm(is_confirmed: bool) -> None:
-    if is_confirmed:
-        return
+def _confirm() -> None:
     print('Type yes and press Enter to move the arm: ', end='', flush=True)
     if sys.stdin.readline().strip().lower() != 'yes':
         raise ToolError('not confirmed; the arm has not moved')
@@ -334,7 +321,3 @@ def _wait_for_enter(text: str) -> None:
     if not sys.stdin.readline():
         raise ToolError('standard input ended before the confirmation')
     print(flush=True)
-
-
-def _vector(weight: Payload) -> str:
-    return f'({", ".join(f"{value:g}" for value in weight.com)})'

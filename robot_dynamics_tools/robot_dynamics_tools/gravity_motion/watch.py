@@ -13,8 +13,8 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.tools.command_line import ToolError
+from robot_dynamics_tools.gravity_calibration.holds import per_joint
 from robot_dynamics_tools.gravity_motion.plan import Move
-from robot_dynamics_tools.recorder import Recorder
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.move import MotionWatch
 from sensor_msgs.msg import JointState
@@ -22,24 +22,13 @@ from trajectory_msgs.msg import JointTrajectory
 
 WATCH_TIME = 1.0
 """[s] in which another client of the node is noticed before the arm moves."""
-STILL = 2e-3
-"""[rad], and a fifth of it in [m]: displacement within which a joint is at rest."""
+STILL = 2e-3, 4e-4
+"""[rad], [m]: displacement within which a joint is at rest."""
 SETTLE_TIME = 20.0
 """[s] by the stamps, within which the arm comes to rest at a pose."""
 LATE_FACTOR, LATE_TIME = 10.0, 30.0
 """A move may take this many times its planned duration, and this time [s] in addition."""
 Publish = Callable[[Sequence[float], float], None]
-
-
-class RecordingClient(DynamicsClient):
-    """A client that records while it waits."""
-
-    recorder: Recorder | None = None
-
-    def on_turn(self) -> None:
-        """Record the waiting messages."""
-        if self.recorder is not None:
-            self.recorder.drain()
 
 
 class ArmWatch(MotionWatch):
@@ -48,11 +37,9 @@ class ArmWatch(MotionWatch):
     def __init__(self, client: DynamicsClient, arm: ArmModel) -> None:
         """Watch the joints of the node that `client` speaks to."""
         super().__init__(client, arm.joint_names, arm.is_continuous.tolist())
-        slides = np.array([kind == 'prismatic' for kind in arm.joint_kinds])
-        self._arm, self._still = arm, np.where(slides, 0.2 * STILL, STILL)
+        self._arm, self._still = arm, per_joint(STILL, arm.joint_kinds)
         self._newest_ns, self._newest = -1, time.monotonic()
         self._late_ns: float = np.inf
-        self._goals = 0
         self._has_effort = False
 
     @contextmanager
@@ -72,17 +59,16 @@ class ArmWatch(MotionWatch):
     def check_free(self) -> None:
         """Raise ToolError if another client moves the arm or sends goals, or without efforts."""
         client, topic = self._client, self._client.resolve('~/joint_trajectory')
-        moves = False
+        moves, goals = False, list[JointTrajectory]()
 
         def is_used() -> bool:
             nonlocal moves
             moves = moves or self.reference is not None and any(self.reference[2])
-            return moves or self._goals > 0
+            return moves or bool(goals)
 
-        self._goals = 0
-        with client.subscribed((JointTrajectory, topic, self._on_goal, QoSProfile(depth=10))):
+        with client.subscribed((JointTrajectory, topic, goals.append, QoSProfile(depth=10))):
             client.wait(is_used, WATCH_TIME)
-        if self._goals:
+        if goals:
             raise ToolError(
                 f'another client sends goals on {topic}; end it before the calibration')
         if moves:
@@ -92,9 +78,6 @@ class ArmWatch(MotionWatch):
             raise InvalidInputError(
                 f'{client.joint_state_topic()} has no efforts, expected the measured effort of '
                 'each joint')
-
-    def _on_goal(self, _: JointTrajectory) -> None:
-        self._goals += 1
 
     # ------------------------------------------------------------------ motion
 

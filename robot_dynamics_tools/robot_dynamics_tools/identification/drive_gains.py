@@ -92,38 +92,31 @@ def drive_gains(information: QrInformation, prior: Prior) -> GainEstimate:
         if np.linalg.norm(load) <= 1e-9 * np.linalg.norm(R[:, -1]):
             continue
         X, masses = np.column_stack([load, R[:, p + np.array(_FRICTION)]]), R[:, :p] @ spread
-        plain = _first_value(X, masses, R[:, -1], rows, samples[j])
-        inverse, error = plain.value, float(np.hypot(plain.noise, plain.by_masses))
-        noise[j] = plain.noise / inverse**2 if inverse else np.inf
+        inverse, by_noise, by_masses = _first_value(X, masses, R[:, -1], rows, samples[j])
+        error = float(np.hypot(by_noise, by_masses))
+        noise[j] = by_noise / inverse**2 if inverse else np.inf
         if R[:, p + PAYLOAD].any():
             # the errors of the masses times 1/K, in units of their standard deviations
             wide = np.column_stack([X, inverse * masses])
-            both = _first_value(wide, masses, R[:, -1], rows, samples[j], p)
-            if both.noise < error:
-                inverse, error = both.value, both.noise
+            value, by_noise, _ = _first_value(wide, masses, R[:, -1], rows, samples[j], p)
+            if by_noise < error:
+                inverse, error = value, by_noise
         if inverse:
             gain[j], deviation[j] = 1.0 / inverse, error / inverse**2
     known = (gain > LEAST_CERTAINTY * noise) & (gain > LEAST_TOTAL_CERTAINTY * deviation)
     return GainEstimate(gain, deviation, known, noise)
 
 
-class _Estimate(NamedTuple):
-    """A parameter, and its deviations by the noise and by the errors of the masses."""
-
-    value: float
-    noise: float
-    by_masses: float
-
-
 def _first_value(
     X: FloatArray, masses: FloatArray, y: FloatArray, rows: float, samples: float,
     unit_count: int = 0,
-) -> _Estimate:
+) -> tuple[float, float, float]:
     """
-    Return the first parameter of a least-squares fit of y (k,) by X (k, c).
+    Return the first parameter of a least-squares fit of y (k,) by X (k, c), and its deviations.
 
-    `masses` (k, p) are the changes of the load by the errors of the masses. The last `unit_count`
-    parameters have a standard deviation of 1 around 0.
+    These are the deviations by the noise and by the errors of the masses.
+    `masses` (k, p) are the changes of the load by these errors. The last `unit_count` parameters
+    have a standard deviation of 1 around 0.
     """
     k = X.shape[1]
     target = np.append(y, np.zeros(unit_count))
@@ -137,4 +130,4 @@ def _first_value(
         value, noise = float(x[0]), sigma * float(np.linalg.norm(inverse[0]) * scale[0])
         by_masses = abs(value) * scale[0] * float(np.linalg.norm(inverse[0, :len(y)] @ masses))
         sigma = float(np.linalg.norm(X @ x - y)) * np.sqrt(samples / rows) + 1e-300
-    return _Estimate(value, noise, by_masses)
+    return value, noise, by_masses

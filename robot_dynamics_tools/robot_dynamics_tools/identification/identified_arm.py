@@ -26,8 +26,8 @@ from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent
 from robot_dynamics.model.regressor import body_names, inertial_parameters
 from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import LinkBody, read_bodies
+from robot_dynamics.urdf.yaml_text import dump_yaml
 from robot_dynamics.validation import lower_triangle
-from robot_dynamics.yaml_text import dump_yaml
 from robot_dynamics_tools.identification.friction_regressor import (
     FRICTION_COLUMNS,
     INERTIA,

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics_tools.identification.friction_regressor import (
     FrictionStructure,
     SIMPLEST,
@@ -29,6 +29,7 @@ from robot_dynamics_tools.identification.regularized_fit import (
     grams_of,
     is_physical,
     Prior,
+    Problem,
     solve,
     solve_bounded,
     URDF_REGULARIZATION,
@@ -46,32 +47,18 @@ _FIRST_SIGMA = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class ModelChoice:
-    """
-    The result of cross-validation.
-
-    `structures` are those of the n joints, `regularization` is κ, `weights` (n,) are those of the
-    residuals. `validated` (n,) is the RMS of the residual on the omitted blocks, relative to that
-    of the effort.
-    """
-
-    structures: tuple[FrictionStructure, ...]
-    regularization: float
-    weights: FloatArray
-    validated: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class FittedModels:
     """
-    Models of one arm, fitted to the same samples, and how they were chosen.
+    Models of one arm, fitted to the same samples, and the problem that was chosen for them.
 
-    `urdf` has the bodies of the URDF and no friction, `friction` has the bodies of the URDF and
-    fitted friction, `base` the regularized base parameters, `consistent` the physically consistent
-    set. `unbounded` is like `base`, but friction and rotors may be negative.
+    `validated` (n,) is the RMS of the residual on the omitted blocks, relative to that of the
+    effort. `urdf` has the bodies of the URDF and no friction, `friction` has the bodies of the
+    URDF and fitted friction, `base` the regularized base parameters, `consistent` the physically
+    consistent set. `unbounded` is like `base`, but friction and rotors may be negative.
     """
 
-    choice: ModelChoice
+    problem: Problem
+    validated: FloatArray
     urdf: Fit
     friction: Fit
     base: Fit
@@ -97,12 +84,10 @@ class CrossValidation:
         self.is_measured = information.is_measured
         self.rows = max(float(rows), 1.0)
 
-    def squares(
-        self, chosen: Sequence[FrictionStructure], weights: FloatArray, regularization: float,
-    ) -> FloatArray:
+    def squares(self, problem: Problem) -> FloatArray:
         """Return the sum of squared residuals on each omitted block, (f, n)."""
         return np.stack([
-            solve(train, chosen, weights, self.prior, regularization).squares(block)
+            solve(train, problem).squares(block)
             for train, block in zip(self._train, self._block)])
 
     def relative(self, squares: FloatArray) -> FloatArray:
@@ -122,76 +107,77 @@ class CrossValidation:
 def choose_model(
     information: QrInformation, prior: Prior,
     first: Sequence[FrictionStructure] | None = None,
-) -> ModelChoice:
-    """Return the structures and the regularization that predict the omitted samples best."""
+) -> tuple[Problem, FloatArray]:
+    """
+    Return the structures and the regularization that predict the omitted samples best.
+
+    The second value is `FittedModels.validated`.
+    """
     validation = CrossValidation(information, prior)
     n = len(information.joint_names)
     left_out = [information.excitation.left_out(joint) for joint in range(n)]
-    chosen = [
+    chosen = tuple(
         structure if structure in structures(left_out[joint]) else
         next(iter(structures(left_out[joint])))
-        for joint, structure in enumerate(first or [SIMPLEST] * n)]
-    regularization = _FIRST_REGULARIZATION
+        for joint, structure in enumerate(first or [SIMPLEST] * n))
     weights = validation.weights(_FIRST_SIGMA**2 * validation.effort_power[np.newaxis])
+    problem = Problem(chosen, weights, validation.prior, _FIRST_REGULARIZATION)
     for _ in range(SWEEPS):
         for joint in np.flatnonzero(validation.is_measured).tolist():
-            chosen[joint] = _best_structure(
-                validation, chosen, joint, weights, regularization, left_out[joint])
-        weights = validation.weights(validation.squares(chosen, weights, regularization))
-        by_regularization = [validation.squares(chosen, weights, k) for k in REGULARIZATIONS]
-        best = _best_regularization(by_regularization, validation.is_measured)
-        regularization = REGULARIZATIONS[best]
-        weights = validation.weights(by_regularization[best])
-    by_regularization = [validation.squares(chosen, weights, k) for k in REGULARIZATIONS]
-    best = _best_regularization(by_regularization, validation.is_measured)
-    return ModelChoice(
-        tuple(chosen), REGULARIZATIONS[best], weights,
-        validation.relative(by_regularization[best]))
+            problem = _with_best_structure(validation, problem, joint, left_out[joint])
+        problem = problem._replace(weights=validation.weights(validation.squares(problem)))
+        problem, squares = _with_best_regularization(validation, problem)
+        problem = problem._replace(weights=validation.weights(squares))
+    problem, squares = _with_best_regularization(validation, problem)
+    return problem, validation.relative(squares)
 
 
 def fit_models(
-    factors: FloatArray, choice: ModelChoice, prior: Prior, urdf: FloatArray,
+    factors: FloatArray, problem: Problem, validated: FloatArray, urdf: FloatArray,
 ) -> FittedModels:
     """Return all models, fitted to factors R (n, k, k); `urdf` (p,) are the bodies of the URDF."""
-    problem, regularization = (choice.structures, choice.weights, prior), choice.regularization
-    base = solve_bounded(factors, *problem, regularization)
+    base = solve_bounded(factors, problem)
     return FittedModels(
-        choice, urdf=Fit(urdf, np.zeros_like(base.joint_values), choice.structures),
-        friction=solve_bounded(factors, *problem, URDF_REGULARIZATION), base=base,
-        consistent=consistent_fit(factors, *problem, regularization, base),
-        unbounded=solve(grams_of(factors), *problem, regularization))
+        problem, validated, urdf=Fit(urdf, np.zeros_like(base.joint_values), problem.structures),
+        friction=solve_bounded(factors, problem._replace(regularization=URDF_REGULARIZATION)),
+        base=base, consistent=consistent_fit(factors, problem, base),
+        unbounded=solve(grams_of(factors), problem))
 
 
-def _best_regularization(every_joint: Sequence[FloatArray], is_measured: BoolArray) -> int:
-    """Return the number of the strongest regularization that predicts as well as the best."""
-    by_regularization = [squares[:, is_measured] for squares in every_joint]
+def _with_best_regularization(
+    validation: CrossValidation, problem: Problem,
+) -> tuple[Problem, FloatArray]:
+    """Return the strongest regularization that predicts as well as the best, and its squares."""
+    problems = [problem._replace(regularization=k) for k in REGULARIZATIONS]
+    every_joint = [validation.squares(each) for each in problems]
+    by_regularization = [squares[:, validation.is_measured] for squares in every_joint]
     sums = np.array([squares.sum(axis=0) for squares in by_regularization])
     totals = np.maximum(sums, np.maximum(EXACT * sums.max(axis=0), 1e-300))
     # the sum of logarithms over joints, in which relative changes of all joints count equally
     best = int(np.argmin([np.log(total).sum() for total in totals]))
     ratios = [(squares / totals[best]).sum(axis=1) for squares in by_regularization]
-    return max(i for i in range(best, len(by_regularization)) if i == best or (
+    strongest = max(i for i in range(best, len(by_regularization)) if i == best or (
         _is_as_good(ratios[i], ratios[best])))
+    return problems[strongest], every_joint[strongest]
 
 
-def _best_structure(
-    validation: CrossValidation, chosen: Sequence[FrictionStructure], joint: int,
-    weights: FloatArray, regularization: float, left_out: Sequence[str],
-) -> FrictionStructure:
+def _with_best_structure(
+    validation: CrossValidation, problem: Problem, joint: int, left_out: Sequence[str],
+) -> Problem:
     """Return the simplest structure that predicts as well as the best; dry before an offset."""
-    offered: list[tuple[FrictionStructure, FloatArray]] = []
+    offered: list[tuple[FrictionStructure, Problem, FloatArray]] = []
     for structure in structures(left_out):
-        trial = [*chosen[:joint], structure, *chosen[joint + 1:]]
-        fit = solve(validation.all, trial, weights, validation.prior, regularization)
-        if is_physical(fit.joint_values[joint], validation.prior.largest[joint]):
-            squares = validation.squares(trial, weights, regularization)
-            offered.append((structure, squares[:, joint]))
+        chosen = problem.structures
+        trial = problem._replace(structures=(*chosen[:joint], structure, *chosen[joint + 1:]))
+        fit = solve(validation.all, trial)
+        if is_physical(fit.joint_values[joint], problem.prior.largest[joint]):
+            offered.append((structure, trial, validation.squares(trial)[:, joint]))
     if not offered:
-        return chosen[joint]
-    _, best = min(offered, key=lambda pair: float(pair[1].sum()))
-    good = [pair for pair in offered if _is_as_good(pair[1], best)]
-    return min(good, key=lambda pair: (
-        len(pair[0].columns), pair[0].dry_count == 0, float(pair[1].sum())))[0]
+        return problem
+    *_, best = min(offered, key=lambda each: float(each[2].sum()))
+    good = [each for each in offered if _is_as_good(each[2], best)]
+    return min(good, key=lambda each: (
+        len(each[0].columns), each[0].dry_count == 0, float(each[2].sum())))[1]
 
 
 def _is_as_good(squares: FloatArray, best: FloatArray) -> bool:

@@ -13,24 +13,17 @@ from collections.abc import Sequence
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.model.regressor import body_names, inertial_parameters
+from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics_tools.analysis.report import GOOD, POOR, without_effort
 from robot_dynamics_tools.identification import summary
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
 from robot_dynamics_tools.identification.pipeline import Identification
-from robot_dynamics_tools.identification.regression import bare_arm
 from robot_dynamics_tools.identification.written_uncertainty import holding_deviation
-from robot_dynamics_tools.reporting.figures import (
-    comparison_panels,
-    joint_figure,
-    scatter_figure,
-    TimeBoundary,
-)
-from robot_dynamics_tools.reporting.images import add_figure, png
-from robot_dynamics_tools.reporting.interactive import Zoomable, zoomable_figures
+from robot_dynamics_tools.reporting.figures import comparison_panels, scatter_figure, TimeBoundary
+from robot_dynamics_tools.reporting.interactive import add_figure, add_time_figures
 from robot_dynamics_tools.reporting.text_table import percent, Rows
 
 BETTER = 1.05
@@ -159,15 +152,17 @@ def identification_page(found: BagIdentification, origin: Origin) -> str:
         page.table([head, *rows[1:]])
     page.section('Effort over time' + (
         f': the first of {len(found.bags)} recordings' if len(found.bags) > 1 else ''))
-    figures = _efforts(found)
-    page.add(figures.figures, figures.head)
-    page.section('Residual over velocity')
     shown = identification.recordings[0].shown
+    add_time_figures(
+        page, arm, f'{found.bags[0].name}: {summary.MODELS["consistent"]} model',
+        comparison_panels(shown.times, shown.measured, shown.model), 'Measured and model effort',
+        None if np.isnan(shown.test_from) else TimeBoundary(shown.test_from, 'training', 'test'))
+    page.section('Residual over velocity')
     add_figure(page, scatter_figure(
-        f'{found.bags[0].name}: residual over velocity', arm.joint_names, arm.joint_kinds,
-        shown.velocity, shown.measured - shown.model), 'Residual over velocity')
+        f'{found.bags[0].name}: residual over velocity', arm, shown.velocity,
+        shown.measured - shown.model), 'Residual over velocity')
     page.section('Base parameters')
-    page.table(with_units(identification), kind='long')
+    page.table(parameter_rows(identification), kind='long')
     page.text('By least squares without regularisation; * marks regrouped parameters.')
     return page.html()
 
@@ -188,24 +183,10 @@ def _add_lists(page: Page, found: BagIdentification) -> None:
             page.items(lines, kind)
 
 
-def _efforts(found: BagIdentification) -> Zoomable:
-    """Return measured and modelled effort over time, of the first recording."""
-    arm, shown = found.identification.arm, found.identification.recordings[0].shown
-    boundary = None if np.isnan(shown.test_from) else TimeBoundary(
-        shown.test_from, 'training', 'test')
-    panels = comparison_panels(shown.times, shown.measured, shown.model)
-    static = joint_figure(
-        f'{found.bags[0].name}: {summary.MODELS["consistent"]} model', arm.joint_names,
-        arm.joint_kinds, panels, boundary)
-    return zoomable_figures(
-        arm.joint_names, arm.joint_kinds, panels, boundary, png(static),
-        'Measured and model effort')
-
-
 def link_rows(identification: Identification) -> Rows:
     """Return mass [kg] and centre of mass [mm] of each link, of the URDF and as identified."""
     arm = identification.arm
-    before = inertial_parameters(bare_arm(arm)).reshape(-1, COUNT)
+    before = inertial_parameters(arm.with_payloads(())).reshape(-1, COUNT)
     after = identification.models.consistent.parameters.reshape(-1, COUNT)
     rows: Rows = [(
         'link', 'mass before [kg]', 'after [kg]', 'change',
@@ -249,13 +230,19 @@ def _of_kinds(units: Sequence[str], kinds: set[str]) -> str:
     return units[1] if kinds == {'prismatic'} else f'{units[0]} or {units[1]}'
 
 
-def with_units(identification: Identification) -> Rows:
-    """Return the rows of parameters with a column for the unit of value, deviation and URDF."""
-    arm = identification.arm
+def parameter_rows(identification: Identification) -> Rows:
+    """Return the base parameters and the joints' own parameters, with their deviations."""
+    estimate, base, arm = identification.estimate, identification.base, identification.arm
     kinds = dict(zip(arm.joint_names, arm.joint_kinds))
-    rows = summary.parameter_rows(identification)
-    return [(rows[0][0], 'unit', *rows[0][1:])] + [
-        (row[0], _unit(row[0], kinds), *row[1:]) for row in rows[1:]]
+    rows: Rows = [('parameter', 'unit', 'value', 'deviation', 'relative', 'URDF', 'definition')]
+    for i, (name, relative) in enumerate(zip(estimate.names, estimate.relative_deviations)):
+        is_base = i < estimate.base_count
+        rows.append((
+            name, _unit(name, kinds), f'{estimate.values[i]:.4g}', f'{estimate.deviations[i]:.2g}',
+            percent(relative) if np.isfinite(relative) else '-',
+            f'{estimate.prior[i]:.4g}' if is_base else '-',
+            base.expressions[i] if is_base else 'of this joint'))
+    return rows
 
 
 def _unit(name: str, kinds: dict[str, str]) -> str:

@@ -43,7 +43,6 @@ from robot_dynamics_tools.identification.recording_agreement import (
     gravity_ratios,
     USUAL_REGULARIZATION,
 )
-from robot_dynamics_tools.identification.regression import bare_arm
 from robot_dynamics_tools.identification.regularized_fit import grams_of, make_prior, Prior, solve
 from robot_dynamics_tools.identification.uncertainty import estimate_parameters, ParameterEstimate
 
@@ -94,7 +93,7 @@ class Recordings(NamedTuple):
 
 def prior_of(arm: ArmModel) -> Prior:
     """Return the prior model, from the arm's URDF."""
-    bare = bare_arm(arm)
+    bare = arm.with_payloads(())
     body = RigidBody(bare)
     inertia = np.mean([
         np.diag(body.mass_matrix(q)) for q in random_states(bare, _STATES)[0]], axis=0)
@@ -123,10 +122,9 @@ def fit_model(
     first: Sequence[FrictionStructure] | None = None,
 ) -> FittedModels:
     """Return the models that are fitted to the information of all recordings."""
-    prior = prior_of(arm).for_effort(information)
-    choice = choose_model(information, prior, first)
     return fit_models(
-        information.together(), choice, prior, inertial_parameters(bare_arm(arm)))
+        information.together(), *choose_model(information, prior_of(arm), first),
+        inertial_parameters(arm.with_payloads(())))
 
 
 def identify(
@@ -172,17 +170,15 @@ def identify_recordings(
     begun = fit_model(arm, first)
     on_stage(STAGES[2])
     parts = recordings.reduce(steps.Reduction(begun.base, scale))
-    information, prior = merge(parts), prior_of(arm)
+    information = merge(parts)
     on_stage(STAGES[3])
-    models = fit_model(arm, information, begun.choice.structures)
-    base = base_parameters_of(bare_arm(arm))
-    estimate = estimate_parameters(information, base, prior, models.choice.structures)
-    prior = prior.for_effort(information)
-    odd = contradicting_recordings(
-        parts, models.choice.structures, models.choice.weights, prior)
+    models = fit_model(arm, information, begun.problem.structures)
+    base = base_parameters_of(arm.with_payloads(()))
+    estimate = estimate_parameters(information, base, models.problem)
+    odd = contradicting_recordings(parts, models.problem)
     on_stage(STAGES[4])
     evaluated = recordings.evaluate(steps.Evaluation(
-        models.by_name, 'consistent', scale, keeps_samples))
+        models.by_name, scale, keeps_samples))
     for i, text in odd.items():
         facts = evaluated[i].facts
         evaluated[i] = replace(evaluated[i], facts=replace(
@@ -191,15 +187,15 @@ def identify_recordings(
              for name in models.by_name}
     is_cross_validated = tests['base'].samples[1] == 0
     if is_cross_validated:
-        tests = steps.cross_validated_tests(information, prior, models, tests)
-    usual = solve(grams_of(information.together()), models.choice.structures,
-                  models.choice.weights, prior, USUAL_REGULARIZATION)
-    ratios = gravity_ratios(bare_arm(arm), usual, np.concatenate([
+        tests = steps.cross_validated_tests(information, models, tests)
+    usual = solve(grams_of(information.together()), models.problem._replace(
+        regularization=USUAL_REGULARIZATION))
+    ratios = gravity_ratios(arm.with_payloads(()), usual, np.concatenate([
         recording.shown.position[::_EVERY] for recording in evaluated]))
     return Identification(
         arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated),
-        difference_from_urdf(models.consistent, prior), far_from_urdf(arm.joint_names, ratios),
-        is_cross_validated)
+        difference_from_urdf(models.consistent, models.problem.prior),
+        far_from_urdf(arm.joint_names, ratios), is_cross_validated)
 
 
 def _first_pass(

@@ -16,10 +16,15 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.pseudo_inertia import COUNT, pseudo_inertia_matrix
 from robot_dynamics.model.regressor import inertial_parameters, TorqueRegressor
-from robot_dynamics_tools.identification.friction_regressor import FrictionStructure
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
 from robot_dynamics_tools.identification.qr_information import QrInformation
-from robot_dynamics_tools.identification.regularized_fit import Fit, grams_of, Prior, solve
+from robot_dynamics_tools.identification.regularized_fit import (
+    Fit,
+    grams_of,
+    Prior,
+    Problem,
+    solve,
+)
 
 LEAST_RATIO = 2.0
 """Ratio of the residuals of a common model and of separate ones that is a contradiction."""
@@ -37,22 +42,20 @@ _LEAST_SHARE = 0.1
 _LEAST_EIGENVALUE = 1e-9
 
 
-def contradicting_recordings(
-    parts: Sequence[QrInformation], structures: Sequence[FrictionStructure], weights: FloatArray,
-    prior: Prior,
-) -> dict[int, str]:
+def contradicting_recordings(parts: Sequence[QrInformation], problem: Problem) -> dict[int, str]:
     """
     Return the recordings that contradict the others, by number, with a sentence about each.
 
-    If the last two contradict each other, both are returned. `weights` (n,) are those of the
-    residuals; `structures` and `prior` are those of the common model.
+    If the last two contradict each other, both are returned. `problem` is that of the common
+    model.
     """
+    problem = problem._replace(regularization=REGULARIZATIONS[0])
     grams = [grams_of(part.together()) for part in parts]
     left, found = list(range(len(parts))), dict[int, str]()
 
     def squares(chosen: Sequence[int]) -> FloatArray:
         own = np.sum([grams[i] for i in chosen], axis=0)
-        return solve(own, structures, weights, prior, REGULARIZATIONS[0]).squares(own)
+        return solve(own, problem).squares(own)
 
     while len(left) > 1:
         together = squares(left)

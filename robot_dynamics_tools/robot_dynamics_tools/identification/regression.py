@@ -9,8 +9,6 @@ then with the load of the first model, and with lower weights for samples that t
 explain (P. J. Huber, *Robust Statistics*, Wiley 1981), such as a contact.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
@@ -20,13 +18,7 @@ from robot_dynamics_tools.analysis.motion_filter import (
     FilteredMotion,
     samples_per_independent_sample,
 )
-from robot_dynamics_tools.identification.friction_regressor import (
-    COLUMN_NAMES,
-    INERTIA,
-    joint_columns,
-    PAYLOAD,
-    SHARP,
-)
+from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.joint_excitation import excitation_of
 from robot_dynamics_tools.identification.qr_information import QrInformation, reduce_rows
 from robot_dynamics_tools.identification.regularized_fit import Fit, without_memory
@@ -40,27 +32,6 @@ _NORMAL = 1.4826
 _MOST_LAGS = 2000
 
 
-@dataclass(frozen=True, eq=False)
-class RegressionRows:
-    """
-    A regression: `X` (m, n, p + own) and `y` (m, n), with τ = X θ.
-
-    The first p columns are those of the bodies' parameters, the others are the joints' own
-    columns.
-    """
-
-    X: FloatArray
-    y: FloatArray
-    body_columns: int
-
-    def model(self, fit: Fit) -> FloatArray:
-        """Return the efforts (m, n) of a fit."""
-        n = self.X.shape[1]
-        theta = np.concatenate([
-            np.broadcast_to(fit.parameters, (n, self.body_columns)), fit.joint_values], axis=1)
-        return np.asarray(np.einsum('mjk,jk->mj', self.X, theta, optimize=True))
-
-
 def train_count(motion: FilteredMotion, train_fraction: float) -> int:
     """Return the number of the first samples that are for training; the rest is for the test."""
     return int(train_fraction * len(motion.stamps_ns))
@@ -69,9 +40,12 @@ def train_count(motion: FilteredMotion, train_fraction: float) -> int:
 def regression_rows(
     arm: ArmModel, motion: FilteredMotion, reference: Fit | None = None,
     is_filtered: bool = False, step: int = 1, keeps_payload: bool = False,
-) -> RegressionRows:
+) -> tuple[FloatArray, FloatArray]:
     """
-    Return the regression of a motion of the arm's joints, in its order, of every step-th sample.
+    Return X (m, n, k) and y (m, n) of a motion of the arm's joints, of every step-th sample.
+
+    The first columns of X are those of the bodies' parameters, the others are the joints' own
+    columns.
 
     `reference` is the model from which inverse dynamics computes the load of the gears, with its
     rotors; None uses the arm. With `is_filtered`, sharp friction passes the same filter as the
@@ -83,15 +57,16 @@ def regression_rows(
     of_payload = _of_payload(arm, motion)
     own = _own_columns(arm, motion, reference, of_payload)
     if is_filtered:
-        own[:, :, SHARP] = filter_like(
-            motion, own[:, :, SHARP].reshape(len(own), -1)).reshape(own[:, :, SHARP].shape)
+        sharp = own[:, :, friction_regressor.SHARP]
+        own[:, :, friction_regressor.SHARP] = filter_like(
+            motion, sharp.reshape(len(sharp), -1)).reshape(sharp.shape)
     if keeps_payload:
-        own[:, :, PAYLOAD] = of_payload
+        own[:, :, friction_regressor.PAYLOAD] = of_payload
     else:
         efforts = efforts - of_payload
     Y = TorqueRegressor(arm)(
         motion.position[::step], motion.velocity[::step], motion.acceleration[::step])
-    return RegressionRows(np.concatenate([Y, own[::step]], axis=2), efforts[::step], Y.shape[2])
+    return np.concatenate([Y, own[::step]], axis=2), efforts[::step]
 
 
 def model_effort(arm: ArmModel, motion: FilteredMotion, fit: Fit) -> tuple[
@@ -115,16 +90,16 @@ def _own_columns(
 ) -> FloatArray:
     q, v, a = motion.position, motion.velocity, motion.acceleration
     if reference is None:
-        load = of_payload + _of_bodies(arm, motion, inertial_parameters(bare_arm(arm)))
+        load = of_payload + _of_bodies(arm, motion, inertial_parameters(arm.with_payloads(())))
     else:
-        rotors = reference.joint_values[:, INERTIA] * a
+        rotors = reference.joint_values[:, friction_regressor.INERTIA] * a
         load = of_payload + _of_bodies(arm, motion, reference.parameters) + rotors
     starts = [0, *(np.flatnonzero(np.diff(motion.segment)) + 1).tolist()]
-    return joint_columns(arm.joint_kinds, q, v, a, load, starts)
+    return friction_regressor.joint_columns(arm.joint_kinds, q, v, a, load, starts)
 
 
 def _of_payload(arm: ArmModel, motion: FilteredMotion) -> FloatArray:
-    extra = inertial_parameters(arm) - inertial_parameters(bare_arm(arm))
+    extra = inertial_parameters(arm) - inertial_parameters(arm.with_payloads(()))
     return _of_bodies(arm, motion, extra) if extra.any() else np.zeros_like(motion.position)
 
 
@@ -149,11 +124,6 @@ def decimation(motion: FilteredMotion) -> int:
     return max(1, int(motion.sample_rate_hz / (SAMPLES_A_PERIOD * motion.cutoff_hz)))
 
 
-def bare_arm(arm: ArmModel) -> ArmModel:
-    """Return the arm without its payloads."""
-    return arm.with_payloads(())
-
-
 def reduce_motion(
     arm: ArmModel, motion: FilteredMotion, train_fraction: float, reference: Fit | None = None,
     keeps_payload: bool = False,
@@ -166,25 +136,25 @@ def reduce_motion(
     InvalidInputError without samples.
     """
     step = decimation(motion)
-    rows = regression_rows(
+    X, y = regression_rows(
         arm, motion, reference, is_filtered=True, step=step, keeps_payload=keeps_payload)
     count = train_count(motion, train_fraction)
     usable = np.flatnonzero(motion.usable[:count:step])
-    X, y = rows.X[usable], rows.y[usable]
+    X, y = X[usable], y[usable]
     n = y.shape[1]
     rate = motion.sample_rate_hz / step
     independent = np.full(n, max(
         1.0, samples_per_independent_sample(motion.cutoff_hz, motion.sample_rate_hz) / step))
     if reference is not None:
-        residual = (rows.y - rows.model(reference))[usable]
+        residual = y - np.einsum('mjk,jk->mj', X, reference.theta, optimize=True)
         independent = np.maximum(independent, [
             correlation_time(residual[:, j]) for j in range(n)])
         root = np.sqrt(huber_weights(residual))
         X, y = X * root[:, :, np.newaxis], y * root
     gap = int(np.ceil(rate / motion.cutoff_hz))
     return reduce_rows(
-        arm.joint_names, (*parameter_names(arm), *COLUMN_NAMES), X, y, gap, independent,
-        excitation_of(motion, arm.joint_kinds, count), step)
+        arm.joint_names, (*parameter_names(arm), *friction_regressor.COLUMN_NAMES), X, y, gap,
+        independent, excitation_of(motion, arm.joint_kinds, count), step)
 
 
 def huber_weights(residual: FloatArray) -> FloatArray:

@@ -23,24 +23,15 @@ consistent bodies: every body is a mass distribution. Friction and rotors are no
 problem is solved by Gauss–Newton steps within a trust region, starting from the URDF.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.joints.friction_terms import LARGEST_LOAD_FRACTION
 from robot_dynamics.model import pseudo_inertia
-from robot_dynamics_tools.identification.friction_regressor import (
-    COLUMN_COUNT,
-    COULOMB,
-    DRY,
-    FrictionStructure,
-    INERTIA,
-    LOAD,
-    OFFSET,
-    VISCOUS,
-)
+from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.qr_information import QrInformation
 
 URDF_REGULARIZATION = 1e12
@@ -85,17 +76,17 @@ class Prior:
         largest_effort = np.where(is_measured, excitation.largest_effort, np.inf)
         rms_effort = np.where(is_measured, information.rms_effort, np.inf)
         friction, largest = np.zeros_like(self.friction), np.full_like(self.largest, np.inf)
-        efforts = np.concatenate([OFFSET, DRY])
+        efforts = np.concatenate([friction_regressor.OFFSET, friction_regressor.DRY])
         friction[:, efforts] = 1.0 / largest_effort[:, np.newaxis]
-        friction[:, LOAD] = is_measured[:, np.newaxis]
+        friction[:, friction_regressor.LOAD] = is_measured[:, np.newaxis]
         # if viscous friction is hardly separable, it must stay moderate at other velocities
         is_vague = np.isfinite(self.velocity) & [
             bool(excitation.left_out(joint)) for joint in range(len(self.velocity))]
-        friction[:, VISCOUS] = np.where(
+        friction[:, friction_regressor.VISCOUS] = np.where(
             is_vague, self.velocity / rms_effort, excitation.rms_velocity / largest_effort,
         )[:, np.newaxis]
         largest[:, efforts] = largest_effort[:, np.newaxis]
-        largest[:, LOAD] = LARGEST_LOAD_FRACTION
+        largest[:, friction_regressor.LOAD] = LARGEST_LOAD_FRACTION
         return replace(self, friction=friction, largest=largest)
 
 
@@ -111,8 +102,8 @@ def make_prior(
     return Prior(
         np.concatenate([pseudo_inertia.parameters_of(root @ root.T) for root in roots]), roots,
         rows, np.maximum(joint_inertia, max(_LEAST_ROTOR * float(joint_inertia.max()), 1e-6)),
-        velocity_limit, np.zeros((len(joint_inertia), COLUMN_COUNT)),
-        np.full((len(joint_inertia), COLUMN_COUNT), np.inf))
+        velocity_limit, np.zeros((len(joint_inertia), friction_regressor.COLUMN_COUNT)),
+        np.full((len(joint_inertia), friction_regressor.COLUMN_COUNT), np.inf))
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,37 +116,56 @@ class Fit:
 
     parameters: FloatArray
     joint_values: FloatArray
-    structures: tuple[FrictionStructure, ...]
+    structures: tuple[friction_regressor.FrictionStructure, ...]
+
+    @property
+    def theta(self) -> FloatArray:
+        """The values of all columns of a regression, bodies first, for each joint, (n, k − 1)."""
+        shape = len(self.joint_values), len(self.parameters)
+        return np.hstack([np.broadcast_to(self.parameters, shape), self.joint_values])
 
     def squares(self, grams: FloatArray) -> FloatArray:
         """Return the sum of squared residuals of each joint, (n,); `grams` (n, k, k) is RᵀR."""
-        n = len(self.joint_values)
-        x = np.concatenate([
-            np.broadcast_to(self.parameters, (n, len(self.parameters))), self.joint_values,
-            np.full((n, 1), -1.0)], axis=1)
+        x = np.insert(self.theta, grams.shape[-1] - 1, -1.0, axis=1)
         return np.asarray(np.maximum(np.einsum('ja,jab,jb->j', x, grams, x), 0.0))
 
 
 def without_memory(fit: Fit) -> Fit:
     """Return the fit with the sign of velocity instead of the state of presliding."""
-    values = fit.joint_values.copy()
-    values[:, COULOMB] = 0.0
-    values[:, COULOMB[0]] = fit.joint_values[:, COULOMB].sum(axis=1)
+    values, coulomb = fit.joint_values.copy(), friction_regressor.COULOMB
+    values[:, coulomb] = 0.0
+    values[:, coulomb[0]] = fit.joint_values[:, coulomb].sum(axis=1)
     return Fit(fit.parameters, values, fit.structures)
 
 
-def own_variables(
-    structures: Sequence[FrictionStructure], p: int,
-) -> list[tuple[IntArray, slice]]:
-    """
-    Return the columns of a factor that belong to each joint, and the place of their variables.
+class Problem(NamedTuple):
+    """The cost function of a fit: structures of n joints, weights w (n,), the prior, and κ."""
 
-    The variables of the joints follow the p variables of the bodies; the reflected inertia is the
-    first one of its joint.
-    """
-    ends = p + np.cumsum([0, *(len(structure.columns) for structure in structures)])
-    return [(np.array(structure.columns) + p, slice(first, last))
-            for structure, first, last in zip(structures, ends, ends[1:])]
+    structures: tuple[friction_regressor.FrictionStructure, ...]
+    weights: FloatArray
+    prior: Prior
+    regularization: float
+
+    @property
+    def own(self) -> list[tuple[IntArray, slice]]:
+        """
+        The columns of a factor that belong to each joint, and the place of their variables.
+
+        The variables of the joints follow the p variables of the bodies; the reflected inertia is
+        the first one of its joint.
+        """
+        p = self.prior.count
+        ends = p + np.cumsum([0, *(len(structure.columns) for structure in self.structures)])
+        return [(np.array(structure.columns) + p, slice(first, last))
+                for structure, first, last in zip(self.structures, ends, ends[1:])]
+
+    def fit_of(self, x: FloatArray) -> Fit:
+        """Return the fit of the variables x: p of the bodies, then those of `own`."""
+        p = self.prior.count
+        values = np.zeros((len(self.structures), friction_regressor.COLUMN_COUNT))
+        for j, (columns, part) in enumerate(self.own):
+            values[j, columns - p] = x[part]
+        return Fit(x[:p], values, self.structures)
 
 
 def grams_of(factors: FloatArray) -> FloatArray:
@@ -163,17 +173,14 @@ def grams_of(factors: FloatArray) -> FloatArray:
     return np.asarray(np.swapaxes(factors, -1, -2) @ factors)
 
 
-def solve(
-    grams: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
-    prior: Prior, regularization: float,
-) -> Fit:
+def solve(grams: FloatArray, problem: Problem) -> Fit:
     """
     Return the fit to RᵀR (n, k, k) of each joint, by the normal equations, without bounds.
 
-    `weights` are w (n,), `regularization` is κ. The solution is fast, for selecting models.
+    The solution is fast, for selecting models.
     """
-    p = prior.count
-    own = own_variables(structures, p)
+    _, weights, prior, regularization = problem
+    p, own = prior.count, problem.own
     size = own[-1][1].stop
     H, g = np.zeros((size, size)), np.zeros(size)
     W = prior.rows.T @ prior.rows
@@ -192,34 +199,30 @@ def solve(
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
     x = scale * np.linalg.solve(
         scale[:, np.newaxis] * H * scale + _RIDGE * np.eye(size), scale * g)
-    return fit_of(x, structures, p)
+    return problem.fit_of(x)
 
 
-def solve_bounded(
-    factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
-    prior: Prior, regularization: float,
-) -> Fit:
+def solve_bounded(factors: FloatArray, problem: Problem) -> Fit:
     """
     Return the same fit to factors R (n, k, k), with non-negative friction and rotors.
 
     The method is least squares with bounds, which does not square the condition number.
     """
     lsq_linear = optional('scipy.optimize', 'identification').lsq_linear
-    A, b, low, high = bounded_problem(factors, structures, weights, prior, regularization)
+    A, b, low, high = bounded_problem(factors, problem)
     scale = 1.0 / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     found = lsq_linear(
         A * scale, b, (low / scale, high / scale), method='bvls', tol=1e-12, max_iter=1000)
-    return fit_of(scale * found.x, structures, prior.count)
+    return problem.fit_of(scale * found.x)
 
 
 def bounded_problem(
-    factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
-    prior: Prior, regularization: float,
+    factors: FloatArray, problem: Problem,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return A, b of |A x − b|², and the bounds of x (`own_variables`)."""
+    """Return A, b of |A x − b|², and the bounds of x (`Problem.own`)."""
+    structures, weights, prior, regularization = problem
     n, k, _ = factors.shape
-    p = prior.count
-    own = own_variables(structures, p)
+    p, own = prior.count, problem.own
     size = own[-1][1].stop
     A, b = np.zeros((n * k + size, size)), np.zeros(n * k + size)
     low, high = np.full(size, -np.inf), np.full(size, np.inf)
@@ -232,8 +235,8 @@ def bounded_problem(
         # a joint may have two columns of dry friction, which together have the bound
         count = max(structures[j].dry_count, 1)
         high[part] = prior.largest[j, columns - p] / np.where(
-            np.isin(columns - p, DRY), count, 1)
-        low[part] = np.where(np.isin(columns - p, OFFSET), -high[part], 0.0)
+            np.isin(columns - p, friction_regressor.DRY), count, 1)
+        low[part] = np.where(np.isin(columns - p, friction_regressor.OFFSET), -high[part], 0.0)
     A[n * k:n * k + p, :p] = np.sqrt(regularization) * prior.rows
     b[n * k:n * k + p] = np.sqrt(regularization) * prior.rows @ prior.parameters
     return A, b, low, high
@@ -246,34 +249,23 @@ def is_physical(joint_values: FloatArray, largest: FloatArray) -> bool:
     Both are of one joint, (COLUMN_COUNT,), `largest` as in `Prior`; the rotor is not checked.
     """
     values = joint_values.copy()
-    values[INERTIA] = 0.0
-    values[OFFSET] = np.abs(values[OFFSET])
+    values[friction_regressor.INERTIA] = 0.0
+    values[friction_regressor.OFFSET] = np.abs(values[friction_regressor.OFFSET])
     return bool((values >= 0.0).all() and (values <= largest).all()
-                and values[DRY].sum() <= largest[DRY[0]])
+                and values[friction_regressor.DRY].sum() <= largest[friction_regressor.DRY[0]])
 
 
-def fit_of(x: FloatArray, structures: Sequence[FrictionStructure], p: int) -> Fit:
-    """Return the fit of the variables x: p of the bodies, then those of `own_variables`."""
-    values = np.zeros((len(structures), COLUMN_COUNT))
-    for j, (columns, part) in enumerate(own_variables(structures, p)):
-        values[j, columns - p] = x[part]
-    return Fit(x[:p], values, tuple(structures))
-
-
-def consistent_fit(
-    factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
-    prior: Prior, regularization: float, start: Fit,
-) -> Fit:
+def consistent_fit(factors: FloatArray, problem: Problem, start: Fit) -> Fit:
     """
-    Return the physically consistent fit to factors R (n, k, k), with weights w (n,).
+    Return the physically consistent fit to factors R (n, k, k).
 
-    `regularization` is κ, `start` has the initial friction and rotors. Needs scipy.
+    `start` has the initial friction and rotors. Needs scipy.
     """
     least_squares = optional('scipy.optimize', 'identification').least_squares
-    p = prior.count
+    prior, p = problem.prior, problem.prior.count
     parts = [slice(i, i + pseudo_inertia.COUNT) for i in range(0, p, pseudo_inertia.COUNT)]
-    regularization = max(regularization, LEAST_REGULARIZATION)
-    A, b, low, high = bounded_problem(factors, structures, weights, prior, regularization)
+    regularization = max(problem.regularization, LEAST_REGULARIZATION)
+    A, b, low, high = bounded_problem(factors, problem._replace(regularization=regularization))
     n, k, _ = factors.shape
     # the divergence replaces the regularization of φ itself
     A[n * k:n * k + p], b[n * k:n * k + p] = 0.0, 0.0
@@ -300,16 +292,15 @@ def consistent_fit(
         return J
 
     x0 = np.concatenate([np.zeros(p), *(
-        start.joint_values[j, columns - p]
-        for j, (columns, _) in enumerate(own_variables(structures, p)))])
+        values[columns - p] for values, (columns, _) in zip(start.joint_values, problem.own))])
     low[:p], high[:p] = -np.inf, np.inf
     x0 = np.clip(x0, low + 1e-9 * (low == 0.0), high)
     found = least_squares(
         residuals, x0, derivative, bounds=(low, high), x_scale='jac', method='trf',
         max_nfev=MOST_EVALUATIONS, xtol=1e-9, ftol=1e-9, gtol=1e-9)
     x = np.asarray(found.x)
-    fit = fit_of(x, structures, p)
+    fit = problem.fit_of(x)
     # the solver stops just inside its bounds; without effort, parameters are undetermined
-    is_zero = (np.abs(fit.joint_values) < 1e-8) | (weights <= 0.0)[:, np.newaxis]
+    is_zero = (np.abs(fit.joint_values) < 1e-8) | (problem.weights <= 0.0)[:, np.newaxis]
     values = np.where(is_zero, 0.0, fit.joint_values)
     return replace(fit, parameters=bodies_of(x), joint_values=values)

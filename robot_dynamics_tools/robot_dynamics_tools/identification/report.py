@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robot_dynamics.html_page import Origin
 from robot_dynamics.joints.friction import FRICTION_FIELDS
+from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics_tools.identification import identified_arm, summary
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
 from robot_dynamics_tools.identification.friction_regressor import INERTIA
@@ -18,6 +18,7 @@ from robot_dynamics_tools.identification.page import identification_page
 from robot_dynamics_tools.identification.pipeline import Identification
 from robot_dynamics_tools.identification.steps import write_samples
 from robot_dynamics_tools.identification.written_uncertainty import uncertainty_values
+from robot_dynamics_tools.reporting.text_table import json_numbers
 
 FILES = URDF, PARAMETERS, REPORT, FIGURES = (
     'identified.urdf', 'identified.yaml', 'report.html', 'report.json')
@@ -91,9 +92,14 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
     """Return all figures as types of JSON."""
     identification = found.identification
     arm, estimate = identification.arm, identification.estimate
-    models, choice = identification.models, identification.models.choice
-    gains = identification.gains
+    models, gains = identification.models, identification.gains
     friction = identified_arm.fitted_friction(arm, models.consistent)
+    parameters = [
+        {'name': name, 'value': value, 'standard_deviation': deviation,
+         'relative_deviation': relative}
+        for name, value, deviation, relative in zip(
+            estimate.names, estimate.values.tolist(), json_numbers(estimate.deviations),
+            json_numbers(estimate.relative_deviations))]
     return {
         'arm': arm.name,
         'joints': list(arm.joint_names),
@@ -104,54 +110,40 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
                     'test': identification.tests['base'].samples[1]},
         'residual': {
             model: {
-                'train': _numbers(test.relative('train')), 'test': _numbers(test.relative()),
-                'test_by_sample': _numbers(test.relative('test_by_sample')),
-                'test_rms': _numbers(test.rms())}
+                'train': json_numbers(test.relative('train')),
+                'test': json_numbers(test.relative()),
+                'test_by_sample': json_numbers(test.relative('test_by_sample')),
+                'test_rms': json_numbers(test.rms())}
             for model, test in identification.tests.items()},
         'cross_validation': {
-            'relative_residual': _numbers(choice.validated), 'pull': choice.regularization},
+            'relative_residual': json_numbers(models.validated),
+            'pull': models.problem.regularization},
         'rank': identification.base.rank,
-        'condition_number': _number(estimate.condition),
+        'condition_number': json_numbers([estimate.condition])[0],
         'base_parameters': [
-            {'name': estimate.names[i], 'is': identification.base.expressions[i],
-             'value': float(estimate.values[i]), 'urdf': float(estimate.prior[i]),
-             'standard_deviation': _number(estimate.deviations[i]),
-             'relative_deviation': _number(estimate.relative_deviations[i]),
+            {**entry, 'is': identification.base.expressions[i], 'urdf': float(estimate.prior[i]),
              'excited': bool(estimate.excited[i])}
-            for i in range(estimate.base_count)],
+            for i, entry in enumerate(parameters[:estimate.base_count])],
         'is_cross_validated': identification.is_cross_validated,
         'active_bounds': [
             {'joint': arm.joint_names[j], **bound._asdict()}
             for j, bounds in summary.bounds_by_joint(identification).items() for bound in bounds],
         'not_separable': {
             joint: list(names) for joint, names in summary.not_separable(identification).items()},
-        'joint_parameters': [
-            {'name': estimate.names[i], 'value': float(estimate.values[i]),
-             'standard_deviation': _number(estimate.deviations[i]),
-             'relative_deviation': _number(estimate.relative_deviations[i])}
-            for i in range(estimate.base_count, len(estimate.names))],
+        'joint_parameters': parameters[estimate.base_count:],
         'friction': [
-            {'joint': name, 'structure': str(choice.structures[j]),
+            {'joint': name, 'structure': str(models.problem.structures[j]),
              'reflected_inertia': float(models.consistent.joint_values[j, INERTIA]),
              **{field.name: float(getattr(friction, field.name)[j])
                 for field in FRICTION_FIELDS if field.heading}}
             for j, name in enumerate(arm.joint_names)],
         'inertial_parameters': models.consistent.parameters.reshape(-1, 10).tolist(),
         'drive_gain': None if gains is None else {
-            'gain': _numbers(gains.gain), 'deviation': _numbers(gains.deviation),
-            'deviation_by_noise': _numbers(gains.noise),
+            'gain': json_numbers(gains.gain), 'deviation': json_numbers(gains.deviation),
+            'deviation_by_noise': json_numbers(gains.noise),
             'is_known': gains.is_known.tolist(),
             'is_confounded_with_masses': gains.is_confounded.tolist()},
         'factor_to_urdf': np.exp(identification.difference).tolist(),
         'contradictions': summary.contradiction_lines(found),
         'warnings': summary.warnings(identification),
     }
-
-
-def _numbers(values: Any) -> list[float | None]:
-    return [_number(value) for value in values]
-
-
-def _number(value: Any) -> float | None:
-    """Return a number, None if it is not finite: JSON has no NaN."""
-    return float(value) if np.isfinite(value) else None

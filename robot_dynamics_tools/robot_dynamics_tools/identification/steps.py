@@ -28,12 +28,7 @@ from robot_dynamics_tools.analysis.sample_files import motion_columns
 from robot_dynamics_tools.identification.model_selection import fit_models, FittedModels
 from robot_dynamics_tools.identification.qr_information import QrInformation
 from robot_dynamics_tools.identification.regression import model_effort, reduce_motion, train_count
-from robot_dynamics_tools.identification.regularized_fit import (
-    Fit,
-    grams_of,
-    Prior,
-    without_memory,
-)
+from robot_dynamics_tools.identification.regularized_fit import Fit, grams_of, without_memory
 
 SHOWN = 3000
 """Largest number of samples of a recording that are plotted, and determine the noise."""
@@ -95,12 +90,11 @@ def _squares(values: FloatArray) -> FloatArray:
 
 
 def cross_validated_tests(
-    information: QrInformation, prior: Prior, models: FittedModels,
-    trained: Mapping[str, ModelTest],
+    information: QrInformation, models: FittedModels, trained: Mapping[str, ModelTest],
 ) -> dict[str, ModelTest]:
     """Return the tests with the residual of the folds; `trained` are those of the training."""
     fitted = [fit_models(
-        information.all_but(i), models.choice, prior, models.urdf.parameters).by_name
+        information.all_but(i), models.problem, models.validated, models.urdf.parameters).by_name
         for i in information.folds]
     blocks = [grams_of(information.block(i)) for i in information.folds]
     effort = np.sum([grams[:, -1, -1] for grams in blocks], axis=0)
@@ -166,13 +160,12 @@ class Reduction:
 @dataclass(frozen=True, eq=False)
 class Evaluation:
     """
-    Models by name to test on a recording; the effort of the model `shown` is plotted.
+    Models by name to test on a recording; the effort of the consistent one is plotted.
 
     With `keeps_samples`, the samples of the test part are returned with the effort of this model.
     """
 
     models: Mapping[str, Fit]
-    shown: str
     drive_gain: FloatArray | None = None
     keeps_samples: bool = False
 
@@ -239,7 +232,7 @@ def evaluate_recording(recording: FilteredArmMotion, step: Evaluation) -> Evalua
     motion, train_fraction = recording.with_gain(step.drive_gain), recording.train_fraction
     effort, first = motion.measured_effort, train_count(motion, train_fraction)
     every = max(1, int(np.ceil(len(effort) / SHOWN)))
-    model, single = model_effort(recording.arm, motion, step.models[step.shown])
+    model, single = model_effort(recording.arm, motion, step.models['consistent'])
     efforts = {'measured': effort, 'model': model, 'residual': effort - model}
     samples = {name: column[first:] for name, column in motion_columns(
         recording.arm, motion, efforts).items()}

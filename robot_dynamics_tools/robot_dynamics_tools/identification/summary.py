@@ -14,16 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction
 from robot_dynamics.joints.parameter_field import ParameterField
+from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
 from robot_dynamics_tools.identification.drive_gains import GainEstimate, MASS_ERROR
-from robot_dynamics_tools.identification.friction_regressor import (
-    COLUMN_NAMES,
-    DRY,
-    FRICTION_COLUMNS,
-    INERTIA,
-    OFFSET,
-    VISCOUS,
-)
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
 from robot_dynamics_tools.identification.pipeline import Identification
@@ -46,7 +39,8 @@ LEAST_NOISE = 1e-4
 LEAST_DIFFERENCE = 1e-6
 """Smallest difference from the estimate without bounds, relative to the largest value."""
 _UNITS = (
-    'kg·m² or kg', *(' or '.join(column.parameter.units) for column in FRICTION_COLUMNS))
+    'kg·m² or kg', *(' or '.join(column.parameter.units)
+                     for column in friction_regressor.FRICTION_COLUMNS))
 
 
 class ActiveBound(NamedTuple):
@@ -64,7 +58,6 @@ def fact_rows(found: BagIdentification) -> Rows:
     identification = found.identification
     facts = [recording.facts for recording in identification.recordings]
     test = identification.tests['consistent']
-    choice = identification.models.choice
     cutoffs = sorted({f'{each.cutoff_hz:.3g}' for each in facts}, key=float)
     return [
         ('arm', f'{identification.arm.name}, {identification.arm.joint_count} joints'),
@@ -81,7 +74,7 @@ def fact_rows(found: BagIdentification) -> Rows:
                             f'{identification.base.matrix.shape[1]} parameters (rank)'),
         ('condition number', f'{identification.estimate.condition:.3g} of their columns'),
         ('regularisation towards the URDF',
-         f'κ = {choice.regularization:g}, chosen by cross-validation'),
+         f'κ = {identification.models.problem.regularization:g}, chosen by cross-validation'),
         ('bodies by those of the URDF', _bodies(identification)),
     ]
 
@@ -132,7 +125,7 @@ def friction_rows(identification: Identification) -> Rows:
     rows: Rows = [('joint', *(field.heading for field in shown), 'reflected inertia')]
     for j, name in enumerate(arm.joint_names):
         rows.append((name, *(_friction_cell(field, friction, j) for field in shown),
-                     f'{fit.joint_values[j, INERTIA]:.4g}'))
+                     f'{fit.joint_values[j, friction_regressor.INERTIA]:.4g}'))
     return rows
 
 
@@ -141,21 +134,6 @@ def _friction_cell(field: ParameterField, friction: JointFriction, joint: int) -
         return '-'
     value = float(getattr(friction, field.name)[joint])
     return f'{value:.4g}' if field.unit else percent(value)
-
-
-def parameter_rows(identification: Identification) -> Rows:
-    """Return the base parameters and the joints' own parameters, with their deviations."""
-    estimate, base = identification.estimate, identification.base
-    rows: Rows = [('parameter', 'value', 'deviation', 'relative', 'URDF', 'definition')]
-    for i, name in enumerate(estimate.names):
-        is_base = i < estimate.base_count
-        rows.append((
-            name, f'{estimate.values[i]:.4g}', f'{estimate.deviations[i]:.2g}',
-            percent(estimate.relative_deviations[i])
-            if np.isfinite(estimate.relative_deviations[i]) else '-',
-            f'{estimate.prior[i]:.4g}' if is_base else '-',
-            base.expressions[i] if is_base else 'of this joint'))
-    return rows
 
 
 def gain_rows(identification: Identification, gains: GainEstimate) -> Rows:
@@ -189,11 +167,12 @@ def not_separable(identification: Identification) -> dict[str, tuple[str, ...]]:
 def _of_friction(identification: Identification) -> Iterator[str]:
     names = identification.arm.joint_names
     excitation = identification.information.excitation
-    structures = identification.models.choice.structures
+    structures = identification.models.problem.structures
     for name in not_separable(identification):
         j = names.index(name)
         used = [word for word, columns in (
-            ('viscous friction', VISCOUS), ('dry friction', DRY), ('an offset', OFFSET))
+            ('viscous friction', friction_regressor.VISCOUS),
+            ('dry friction', friction_regressor.DRY), ('an offset', friction_regressor.OFFSET))
             if structures[j].has(columns)]
         yield (f'{name}: {excitation.reason(j)}: viscous friction, dry friction and offset are '
                f'not separable; the model has only {" and ".join(used) or "none of them"}')
@@ -208,9 +187,10 @@ def bounds_by_joint(identification: Identification) -> dict[int, list[ActiveBoun
             value = float(bounded.joint_values[j, column])
             other = float(unbounded.joint_values[j, column])
             least = LEAST_DIFFERENCE * max(abs(value), abs(other))
-            if column not in OFFSET and other < -least and abs(value) <= -1e-3 * other:
+            if column not in friction_regressor.OFFSET and other < -least and (
+                    abs(value) <= -1e-3 * other):
                 by_joint.setdefault(j, []).append(ActiveBound(
-                    j, COLUMN_NAMES[column], _UNITS[column], value, other))
+                    j, friction_regressor.COLUMN_NAMES[column], _UNITS[column], value, other))
     return by_joint
 
 
@@ -239,7 +219,7 @@ def _of_excitation(identification: Identification) -> Iterator[str]:
         yield (f'{base} of {estimate.base_count} base parameters and '
                f'{len(estimate.unexcited) - base} of {len(estimate.names) - estimate.base_count} '
                f'joint parameters are not excited and stay near the URDF, or 0: {names}')
-    if identification.models.choice.regularization == REGULARIZATIONS[-1]:
+    if identification.models.problem.regularization == REGULARIZATIONS[-1]:
         yield ('in the cross-validation, no masses predict the recording better than those of '
                'the URDF: only friction was identified')
 

@@ -10,19 +10,14 @@ are not independent: s_j samples count as one (`regression`). This is exact for 
 over the band of the regressor.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.arrays import column_scale, FloatArray
 from robot_dynamics.model.base_parameters import BaseParameters
-from robot_dynamics_tools.identification.friction_regressor import (
-    COLUMN_NAMES,
-    FrictionStructure,
-    INERTIA,
-)
+from robot_dynamics_tools.identification.friction_regressor import COLUMN_NAMES, INERTIA
 from robot_dynamics_tools.identification.qr_information import QrInformation
-from robot_dynamics_tools.identification.regularized_fit import Prior
+from robot_dynamics_tools.identification.regularized_fit import Prior, Problem
 
 UNEXCITED = 1.0
 """
@@ -62,22 +57,20 @@ class ParameterEstimate:
 
 
 def estimate_parameters(
-    information: QrInformation, base: BaseParameters, prior: Prior,
-    structures: Sequence[FrictionStructure],
+    information: QrInformation, base: BaseParameters, problem: Problem,
 ) -> ParameterEstimate:
     """
     Return the base parameters of all samples, weighted by joint, with their deviations.
 
     `base` are the base parameters of φ and the rotors' reflected inertia, which follow φ.
     """
-    n, p = len(information.joint_names), prior.count
+    n, prior = len(information.joint_names), problem.prior
     factors = information.together()
     rows = float(information.rows.sum())
     samples = information.samples_per_independent_sample
     is_measured = information.is_measured
     weights = np.where(is_measured, 1.0, 0.0)
-    sigma = np.ones(n)
-    blocks, names = _columns(information, base, structures, p)
+    blocks, names = _columns(information, base, problem)
     r = base.rank
     for _ in range(4):
         A = np.concatenate([np.sqrt(weights[j]) * factors[j] @ blocks[j] for j in range(n)])
@@ -102,17 +95,16 @@ def estimate_parameters(
         base.matrix @ np.concatenate([prior.parameters, np.zeros(n)]), np.zeros(len(x) - r)])
     excited = np.concatenate([
         deviations[:r] < UNEXCITED * size, np.isfinite(deviations[r:])])
-    return ParameterEstimate(
-        names, x, deviations, before, r, _condition(s_base), excited)
+    condition = float(s_base[0] / s_base[-1]) if s_base[-1] > 0.0 else np.inf
+    return ParameterEstimate(names, x, deviations, before, r, condition, excited)
 
 
 def _columns(
-    information: QrInformation, base: BaseParameters, structures: Sequence[FrictionStructure],
-    p: int,
+    information: QrInformation, base: BaseParameters, problem: Problem,
 ) -> tuple[list[FloatArray], tuple[str, ...]]:
     """Return for each joint the matrix that maps the estimate to the columns of its factor."""
-    r = base.rank
-    own = [[c for c in structure.columns if c != INERTIA] for structure in structures]
+    r, p = base.rank, problem.prior.count
+    own = [[c for c in structure.columns if c != INERTIA] for structure in problem.structures]
     total = r + sum(len(columns) for columns in own)
     names = list(base.labels)
     blocks = []
@@ -130,10 +122,6 @@ def _columns(
         blocks.append(block)
         first += len(columns)
     return blocks, tuple(names)
-
-
-def _condition(singular: FloatArray) -> float:
-    return float(singular[0] / singular[-1]) if singular[-1] > 0.0 else float('inf')
 
 
 def _scale_of(base: BaseParameters, prior: Prior, n: int) -> FloatArray:

@@ -31,13 +31,8 @@ from robot_dynamics.validation import lower_triangle
 from robot_dynamics_tools.analysis.motion_filter import noise_bandwidth
 from robot_dynamics_tools.identification.friction_regressor import FRICTION_COLUMNS
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
-from robot_dynamics_tools.identification.pipeline import (
-    base_parameters_of,
-    Identification,
-    prior_of,
-)
-from robot_dynamics_tools.identification.regression import bare_arm
-from robot_dynamics_tools.identification.regularized_fit import bounded_problem, own_variables
+from robot_dynamics_tools.identification.pipeline import base_parameters_of, Identification
+from robot_dynamics_tools.identification.regularized_fit import bounded_problem
 from robot_dynamics_tools.identification.steps import EffortSeries
 
 LARGEST_REGULARIZATION = 1.0
@@ -71,7 +66,7 @@ def holding_deviation(identification: Identification) -> FloatArray:
 
     The poses are within the position limits, also where nothing was recorded.
     """
-    q = random_states(bare_arm(identification.arm), POSES)[0]
+    q = random_states(identification.arm.with_payloads(()), POSES)[0]
     rest = np.zeros_like(q)
     errors = _model_deviation(identification).errors(q, rest, rest)
     return np.asarray(np.sqrt((errors**2).sum(axis=2).mean(axis=0)))
@@ -108,7 +103,7 @@ def _covariance_in_residual(deviation: EffortDeviation, series: EffortSeries) ->
 
 def _model_deviation(identification: Identification) -> EffortDeviation:
     """Return the deviation by the covariance of the parameters."""
-    arm = bare_arm(identification.arm)
+    arm = identification.arm.with_payloads(())
     names, covariance = parameter_covariance(identification)
     uncertainty = make_uncertainty(arm, names, lower_triangle(covariance))
     assert uncertainty is not None  # there are names: those of the rotors
@@ -118,19 +113,16 @@ def _model_deviation(identification: Identification) -> EffortDeviation:
 
 def parameter_covariance(identification: Identification) -> tuple[tuple[str, ...], FloatArray]:
     """Return the names of k parameters of the consistent set, and their mean squares (k, k)."""
-    arm, information = bare_arm(identification.arm), identification.information
-    choice = identification.models.choice
-    prior = prior_of(arm).for_effort(information)
-    A, b, _, _ = bounded_problem(
-        information.together(), choice.structures, choice.weights, prior,
-        min(choice.regularization, LARGEST_REGULARIZATION))
+    arm, information = identification.arm.with_payloads(()), identification.information
+    problem = identification.models.problem
+    A, b, _, _ = bounded_problem(information.together(), problem._replace(
+        regularization=min(problem.regularization, LARGEST_REGULARIZATION)))
     base = base_parameters_of(arm, GRAVITIES)
-    p, r, size = prior.count, base.rank, A.shape[1]
+    p, r, size = problem.prior.count, base.rank, A.shape[1]
     names = [base.names[column] for column in base.columns]
     T = np.zeros((r + size - p - arm.joint_count, size))
     T[:r, :p] = base.matrix[:, :p]
-    own = own_variables(choice.structures, p)
-    for j, (columns, part) in enumerate(own):
+    for j, (columns, part) in enumerate(problem.own):
         T[:r, part.start] = base.matrix[:, p + j]  # the reflected inertia comes first
         for place, column in enumerate(columns[1:].tolist(), start=part.start + 1):
             T[len(names), place] = 1.0
@@ -141,6 +133,6 @@ def parameter_covariance(identification: Identification) -> tuple[tuple[str, ...
     inverse = scale[:, np.newaxis] * np.linalg.pinv(A * scale, rcond=1e-12)
     fit = identification.models.consistent
     written = np.concatenate([fit.parameters, *(
-        values[columns - p] for values, (columns, _) in zip(fit.joint_values, own))])
+        values[columns - p] for values, (columns, _) in zip(fit.joint_values, problem.own))])
     root = T @ np.column_stack([inverse, written - inverse @ b])
     return tuple(names), np.asarray(root @ root.T)

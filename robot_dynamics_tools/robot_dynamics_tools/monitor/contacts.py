@@ -7,12 +7,12 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.monitoring.contact_levels import ContactDetector
 from robot_dynamics.ros.dynamics.external_effort_fault import contact_levels
 from robot_dynamics.ros.middleware.conversions import stamp_to_ros
 from robot_dynamics.ros.middleware.rclpy_internals import subscription_count
 from robot_dynamics.ros.parameters.declared_parameters import Values
 from robot_dynamics_interfaces.msg import Contact
+from robot_dynamics_tools.monitoring.contact_detector import ContactDetector
 
 EVENTS = QoSProfile(depth=10)
 

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The parameters and payloads of the running node `dynamics`, and their changes.
+The description, parameters and payloads that the running node `dynamics` uses, and their changes.
 
 Parameters are requested when the node appears or restarts, which a new publisher of `~/payload`
-shows, and when /parameter_events names the node.
+shows, after each description, and when /parameter_events names the node.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,10 +20,13 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 from robot_dynamics.model.payload import Payload
+from robot_dynamics.ros.dynamics.model_source import LATCHED
 from robot_dynamics.ros.dynamics.payloads import ALL_PAYLOADS
 from robot_dynamics.ros.middleware.conversions import payload_from_ros
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.parameters.declared_parameters import Values
+from robot_dynamics.urdf.document import LARGEST_DESCRIPTION
+from std_msgs.msg import String
 
 PERIOD = 0.5
 """[s] between two checks whether the node is there."""
@@ -34,21 +37,22 @@ SETTLE = 0.05
 
 
 class FollowedDynamics:
-    """Reports parameters and payloads of `dynamics`; all calls are in the executor."""
+    """Reports what `dynamics` uses; all calls are in the executor."""
 
     def __init__(
         self, node: Node, name: str, names: Sequence[str],
-        take_values: Callable[[Values], None],
+        take_model: Callable[[str, Values], None],
         take_payloads: Callable[[tuple[Payload, ...]], None],
     ) -> None:
         """
         Follow the node with a full `name`.
 
-        `take_values` is called with the values of the parameters `names`, `take_payloads` with
-        all active payloads, each at the start and after a change.
+        `take_model` is called with the URDF and the values of the parameters `names`,
+        `take_payloads` with all active payloads, each at the start and after a change.
         """
         self.name, self._node, self._names = name, node, list(names)
-        self._take_values, self._take_payloads = take_values, take_payloads
+        self._take_model, self._take_payloads = take_model, take_payloads
+        self._description = ''
         self._publishers: frozenset[bytes] = frozenset()
         self._is_due = self._has_values = False
         self._request: Any = None
@@ -64,6 +68,9 @@ class FollowedDynamics:
             ParameterEvent, '/parameter_events', self._on_event, qos_profile_parameter_events)
         node.create_subscription(
             InertiaStamped, f'{name}/payload', self._on_payload, ALL_PAYLOADS)
+        node.create_subscription(
+            String, f'{name}/robot_description', self._on_description, LATCHED,
+            largest=LARGEST_DESCRIPTION)
         self._settle = node.create_timer(SETTLE, self._use_payloads, clock=clock)
         self._settle.cancel()
         node.create_timer(PERIOD, self._look, clock=clock)
@@ -89,7 +96,11 @@ class FollowedDynamics:
             if name.endswith('/payload') and 'geometry_msgs/msg/InertiaStamped' in kinds
             and self._node.count_publishers(name))
 
-    # ------------------------------------------------------------------ parameters
+    # ------------------------------------------------------------------ description, parameters
+
+    def _on_description(self, message: String) -> None:
+        self._description, self._is_due = message.data, True
+        self._ask()
 
     def _look(self) -> None:
         found = frozenset(
@@ -125,7 +136,8 @@ class FollowedDynamics:
             'of this node') if missing else ''
         if not missing:
             self._has_values = True
-            self._take_values({
+        if not missing and self._description:
+            self._take_model(self._description, {
                 name: value if isinstance(value, (bool, int, float, str)) else tuple(value)
                 for name, value in found.items()})
         self._ask()

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The model of `dynamics`, made again from its parameters, its description and its payloads."""
+"""The model of `dynamics`, made again from its description, its parameters and its payloads."""
 
 from collections.abc import Callable
 import math
@@ -16,26 +16,22 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
 from robot_dynamics.model.payload import describe_payloads, Payload
-from robot_dynamics.ros.dynamics.base_gravity import BaseGravity, GRAVITY_SPECS
+from robot_dynamics.ros.dynamics.base_gravity import BaseGravity
 from robot_dynamics.ros.dynamics.external_effort_fault import CONTACT_SPECS, OBSERVER_SPECS
-from robot_dynamics.ros.dynamics.model_source import LATCHED
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.parameters import robot_description
 from robot_dynamics.ros.parameters.declared_parameters import Values
-from robot_dynamics.urdf.document import LARGEST_DESCRIPTION
 from robot_dynamics.urdf.parser import parse_urdf
-from std_msgs.msg import String
 
 MODEL_NAMES = (
     *(spec.name for spec in (
-        *robot_description.DESCRIPTION_SPECS, *robot_description.FRICTION_SPECS,
-        *robot_description.ACTUATOR_SPECS, *robot_description.DRIVE_SPECS,
-        *robot_description.UNCERTAINTY_SPECS, *GRAVITY_SPECS)),
-    'measured_effort', 'robot_compensates', 'robot_gravity')
+        *robot_description.FRICTION_SPECS, *robot_description.ACTUATOR_SPECS,
+        *robot_description.DRIVE_SPECS, *robot_description.UNCERTAINTY_SPECS)),
+    'joints', 'gravity', 'imu_rpy', 'measured_effort', 'robot_compensates', 'robot_gravity')
 """Parameters of `dynamics` that describe the model."""
 NAMES = (
     *MODEL_NAMES, *(spec.name for spec in (*OBSERVER_SPECS, *CONTACT_SPECS)),
-    'joint_sample_max_age', 'state_max_age', 'lock_step', 'command', 'friction_compensation',
+    'state_max_age', 'lock_step', 'command', 'friction_compensation',
     'use_sim_time')
 """All parameters of `dynamics` that are used."""
 
@@ -78,26 +74,22 @@ class FollowedModel:
     def __init__(self, node: Node, use: Callable[[Followed | None], None]) -> None:
         """`use` is called with each model, and with None if there is none any more."""
         self._node, self._use = node, use
+        self._xml = ''
         self._values: Values = {}
         self._payloads: tuple[Payload, ...] = ()
-        self._description: str | None = None
         self._imu: BaseGravity | None = None
         self._gravity: FloatArray | None = None
         """Gravity (3,) [m/s²] of the IMU."""
         self._current: Followed | None = None
         self._obstacle = ''
-        node.create_subscription(
-            String, 'robot_description', self._on_description, LATCHED,
-            largest=LARGEST_DESCRIPTION)
 
-    def set_values(self, values: Values) -> None:
-        """Use the parameters of `dynamics`."""
-        is_other = any(values[name] != self._values.get(name)
-                       for name in MODEL_NAMES if name != 'gravity')
-        self._values = values
-        if values['gravity_from_imu'] and self._imu is None:
-            self._imu = BaseGravity(self._node, lambda: self._values)
-            self._imu.set_controller(self)
+    def set_model(self, xml: str, values: Values) -> None:
+        """Use the URDF and the parameters of `dynamics`."""
+        is_other = xml != self._xml or any(
+            values[name] != self._values.get(name) for name in MODEL_NAMES if name != 'gravity')
+        self._xml, self._values = xml, values
+        if values['imu_rpy'] and self._imu is None:
+            self._imu = BaseGravity(self._node, lambda: self._values, self._use_gravity)
         self._make(is_other)
 
     def set_payloads(self, payloads: tuple[Payload, ...]) -> None:
@@ -105,14 +97,10 @@ class FollowedModel:
         self._payloads = payloads
         self._make()
 
-    def set_gravity(self, gravity: FloatArray, rate: float) -> None:
+    def _use_gravity(self, gravity: FloatArray) -> None:
         """Use the gravity (3,) of the IMU at once; only a command must not jump."""
         self._gravity = gravity
         self._make()
-
-    def _on_description(self, message: String) -> None:
-        self._description = message.data
-        self._make(is_other=True)
 
     def _make(self, is_other: bool = False) -> None:
         """Make the model from what is known; `is_other` is whether its description has changed."""
@@ -120,15 +108,13 @@ class FollowedModel:
             return
         values, current, was = self._values, self._current, self._obstacle
         try:
-            xml = robot_description.description_from_parameters(values)
-            is_embedded = xml is None and self._description is None
-            xml = xml or self._description or robot_description.embedded_description()
             base = current.base if current is not None and not is_other else (
-                arm_from_parameters(xml, values))
-            gravity = self._gravity if values['gravity_from_imu'] and (
+                arm_from_parameters(self._xml, values))
+            gravity = self._gravity if values['imu_rpy'] and (
                 self._gravity is not None) else np.array(values['gravity'])
             self._current = Followed(
-                base, xml, values, gravity, self._payloads, is_embedded)
+                base, self._xml, values, gravity, self._payloads,
+                self._xml == robot_description.embedded_description())
             self._use(self._current)
             self._obstacle = ''
         except RobotDynamicsError as error:
@@ -147,7 +133,7 @@ class FollowedModel:
         if model is None:
             words = self._obstacle or 'none yet'
             return [Status('model', ERROR if self._obstacle else WARN, words, {})]
-        imu = self._imu.status() if self._imu and model.values['gravity_from_imu'] else None
+        imu = self._imu.status() if self._imu and model.values['imu_rpy'] else None
         level, words = (OK, '') if imu is None or imu.level == OK else (
             imu.level, f'; {imu.message}')
         return [

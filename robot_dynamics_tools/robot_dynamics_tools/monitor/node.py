@@ -54,8 +54,8 @@ USAGE = NodeUsage(
     (('joint_states', 'Subscribed, sensor_msgs/msg/JointState: measured positions, velocities '
       'and efforts.'),
      ('effort_command', 'Subscribed while there are markers, sensor_msgs/msg/JointState.'),
-     ('robot_description', 'Subscribed, std_msgs/msg/String: the URDF, if no parameter of '
-      'dynamics gives one.'),
+     ('dynamics/robot_description', 'Subscribed, std_msgs/msg/String: the URDF that dynamics '
+      'uses.'),
      ('~/external_effort, ~/residual', 'Published, sensor_msgs/msg/JointState: the external '
       'effort, and measured minus modelled effort.'),
      ('~/external_wrench', 'Published, geometry_msgs/msg/WrenchStamped: the external wrench.'),
@@ -93,7 +93,7 @@ class DynamicsMonitor(GuardedCallbacks):
         self.create_service(EstimatePayload, '~/estimate_payload', self._estimate_payload)
         self._models = FollowedModel(self, self._use)
         self._dynamics = FollowedDynamics(
-            self, dynamics, NAMES, self._models.set_values, self._models.set_payloads)
+            self, dynamics, NAMES, self._models.set_model, self._models.set_payloads)
         self._loop = MessageLoop(
             self, JointState, 'joint_states', STATES, JointStateDecoder().decode, self._on_state,
             self._refuse, source=lambda state: tuple(state.name))

@@ -8,12 +8,10 @@ from collections.abc import Callable
 import time
 from typing import NamedTuple
 
-import numpy as np
 from robot_dynamics.arrays import all_finite, FloatArray
 from robot_dynamics.control.gate import Gate
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.monitoring.external_effort import joint_effort
-from robot_dynamics.monitoring.state_plausibility import StatePlausibility
 from robot_dynamics.ros.middleware.cdr_templates import SensedState
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader, OtherJointsError
@@ -44,9 +42,8 @@ class StateInput:
     def __init__(self, model: Followed, has_several_publishers: Callable[[], bool]) -> None:
         """`has_several_publishers` returns whether joint_states has several publishers."""
         self._model, self._has_several_publishers = model, has_several_publishers
-        arm, values = model.arm, model.values
-        self._assembly = StateAssembly(
-            arm.joint_names, values['joint_sample_max_age'], model.is_embedded)
+        arm = model.arm
+        self._assembly = StateAssembly(arm.joint_names, model.is_embedded)
         self._reader = JointStateReader(arm.joint_names)
         self._dropped: Counter[str] = Counter()
         self._last_drop = ''
@@ -56,8 +53,7 @@ class StateInput:
     def set_model(self, model: Followed) -> None:
         """Continue with other loads, gravity or ages of the same arm."""
         self._model = model
-        self._plausibility.max_age = model.values['state_max_age']
-        self._assembly.max_age = model.values['joint_sample_max_age']
+        self._gate.plausibility.max_age = model.values['state_max_age']
 
     def rest(self) -> None:
         """Treat the next state as a first one."""
@@ -67,13 +63,10 @@ class StateInput:
 
     def _begin(self) -> None:
         arm, values = self._model.arm, self._model.values
-        self._plausibility = StatePlausibility(
-            arm.joint_names, arm.limits.velocity, values['state_max_age'], arm.is_continuous)
-        self._plausibility.is_lock_step = values['lock_step']
-        self._plausibility.has_age = lambda: not values['use_sim_time']
         self._gate = Gate(
-            arm.is_continuous, arm.limits.velocity, lambda: None,
-            lambda q, error: np.zeros(len(q), dtype=bool))
+            arm.joint_names, arm.is_continuous, arm.limits.velocity, values['state_max_age'])
+        self._gate.plausibility.is_lock_step = values['lock_step']
+        self._gate.plausibility.has_age = lambda: not values['use_sim_time']
 
     def take(self, received: SensedState) -> MeasuredState | None:
         """Return the new state that a message completes, None if there is none."""
@@ -96,14 +89,11 @@ class StateInput:
             return None
         self._is_first = False
         q, v = self._reader.read(state)
-        verdict = self._plausibility.judge(
-            state.stamp_ns, time.time_ns(), q, self._has_several_publishers, time.monotonic_ns())
+        signals = self._gate.take(
+            state.stamp_ns, q, v, time.time_ns(), time.monotonic_ns(),
+            self._has_several_publishers)
+        verdict = signals.verdict
         if not verdict.is_new:
-            return None
-        if verdict.restart:
-            self._gate.restart()
-        signals = self._gate.take(verdict.stamp, q, v)
-        if signals is None:
             return None
         if verdict.restart and v is not None:  # the gate starts with 0
             signals = signals._replace(v=v)

@@ -25,13 +25,8 @@ from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.simulated_arm import plant_node
 from robot_dynamics.simulation.plant import SimulatedRobot
 from robot_dynamics.urdf.description_file import description_path
+from robot_dynamics_tools.mujoco import mujoco_simulation
 from robot_dynamics_tools.mujoco.mjcf import arm_to_mjcf
-from robot_dynamics_tools.mujoco.mujoco_simulation import (
-    DirectDrives,
-    load_mjcf,
-    model_of_mjcf,
-    MujocoSimulation,
-)
 
 SPECS = (
     text('mjcf', '', (
@@ -89,16 +84,16 @@ class MujocoArmNode(plant_node.PlantNode):
     def _set_up(self) -> None:
         values = DeclaredParameters(self, SPECS, _check, self._apply).values
         if values['mjcf']:
-            model = load_mjcf(description_path(values['mjcf'], 'mjcf'))
+            model = mujoco_simulation.load_mjcf(description_path(values['mjcf'], 'mjcf'))
         else:
-            model = model_of_mjcf(arm_to_mjcf(load_arm(embedded_description())))
-        self._simulation = MujocoSimulation(
+            model = mujoco_simulation.model_of_mjcf(arm_to_mjcf(load_arm(embedded_description())))
+        self._simulation = mujoco_simulation.MujocoSimulation(
             model, values['mjcf_joints'] or values['joints'], values['joints'],
             values['initial_position'] or None)
         arm = self._simulation.arm
         plant = SimulatedRobot(
-            self._simulation, DirectDrives(len(arm.joint_names)), values['brakes'],
-            np.random.default_rng(values['seed']))
+            self._simulation, mujoco_simulation.DirectDrives(len(arm.joint_names)),
+            values['brakes'], np.random.default_rng(values['seed']))
         self._begin(plant, arm.effort_limit, values)
 
     def _wrench(self, message: WrenchStamped) -> ExternalWrench:

@@ -97,8 +97,9 @@ class MujocoSimulation:
                 f'joints has {len(names)} names, expected {len(own)}, one for each of {own}')
         self._q, self._v = model.jnt_qposadr[ids], model.jnt_dofadr[ids]
         slides = model.jnt_type[ids] == int(self._mj.mjtJoint.mjJNT_SLIDE)
+        name = bytes(model.names[:]).split(b'\0', 1)[0].decode(errors='replace')
         self.arm = MujocoArm(
-            _model_name(model), tuple(names) or own,
+            name, tuple(names) or own,
             tuple('prismatic' if slide else 'revolute' for slide in slides),
             self._effort_limits(ids), model.opt.gravity.copy())
         self._switch_off(self._actuators_of(ids))
@@ -295,7 +296,3 @@ class DirectDrives:
     ) -> FloatArray:
         """Return the effort that the robot reports, (n,)."""
         return effort
-
-
-def _model_name(model: Any) -> str:
-    return bytes(model.names[:]).split(b'\0', 1)[0].decode(errors='replace')

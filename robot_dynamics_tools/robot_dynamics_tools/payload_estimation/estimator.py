@@ -24,14 +24,10 @@ from robot_dynamics_tools.payload_estimation.information import solve
 from robot_dynamics_tools.payload_estimation.pairing import pair_rests
 from robot_dynamics_tools.payload_estimation.result import make_result, PayloadEstimate
 from robot_dynamics_tools.payload_estimation.rows import (
+    Column,
     COLUMNS,
-    EFFORT,
-    ONE,
-    RESIDUAL,
     RowBuilder,
-    SIGN,
     SLIDING_VELOCITY,
-    VELOCITY,
 )
 
 SHORTEST_BLOCK = 0.1
@@ -85,8 +81,6 @@ class PayloadEstimator:
         InvalidInputError if the model has no finite effort for a sample, and takes none of the
         MOST_SAMPLES around it and after them.
         """
-        if not len(t):
-            return
         for begin in range(0, len(t), MOST_SAMPLES):
             part = slice(begin, begin + MOST_SAMPLES)
             self._add(t[part], q[part], v[part], a[part], effort[part])
@@ -113,12 +107,12 @@ class PayloadEstimator:
         rigid = dynamics.rigid_body.inverse_dynamics_batch(q, v, a)
         rows = np.zeros((2, *q.shape, self._rows.columns))
         rows[:, :, :, :COUNT] = self._regressor(q, v, a)
-        rows[..., VELOCITY], rows[..., EFFORT], rows[..., ONE] = v, effort, 1.0
-        rows[..., SIGN] = np.tanh(v / _FRICTION_SMOOTHING)
+        rows[..., Column.VELOCITY], rows[..., Column.EFFORT] = v, effort
+        rows[..., Column.SIGN], rows[..., Column.ONE] = np.tanh(v / _FRICTION_SMOOTHING), 1.0
         friction = dynamics.friction
-        rows[0, ..., RESIDUAL] = friction.load_behind(v, effort, np.sign(v)) - rigid
+        rows[0, ..., Column.RESIDUAL] = friction.load_behind(v, effort, np.sign(v)) - rigid
         # at rest, dry friction is unknown
-        rows[1, ..., RESIDUAL] = friction.load_behind(
+        rows[1, ..., Column.RESIDUAL] = friction.load_behind(
             np.zeros_like(v), effort, np.zeros_like(v)) - rigid
         if self._model_errors is not None:
             for row, velocity in zip(rows, (v, np.zeros_like(v))):

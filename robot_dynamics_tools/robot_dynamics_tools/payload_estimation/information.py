@@ -22,22 +22,11 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.pseudo_inertia import COUNT
+from robot_dynamics_tools.estimated_weights import estimated_weights, NORMAL
+from robot_dynamics_tools.payload_estimation import variance_groups
 from robot_dynamics_tools.payload_estimation.pairing import RestRows
-from robot_dynamics_tools.payload_estimation.rows import EFFORT, LoadRows, RESIDUAL
-from robot_dynamics_tools.payload_estimation.variance_groups import (
-    ASSUMED_NOISE,
-    BAND_VARIANCE,
-    embedded,
-    estimated_variances,
-    Group,
-    LEAST_NOISE,
-    make_groups,
-    PAIRED_FRACTION,
-    right_side,
-    rows_per_independent_row,
-    squares_of,
-    unknown_count,
-)
+from robot_dynamics_tools.payload_estimation.rows import Column, LoadRows
+from robot_dynamics_tools.payload_estimation.variance_groups import Group
 
 PRIOR_DEVIATION = 100.0
 """Deviation [kg, kg·m, kg·m²] of the parameters without data: no restriction."""
@@ -53,7 +42,6 @@ _ITERATIONS = 12
 _EXACT = 1e-9
 """Relative deviation of an effort scale and offset that count as exact."""
 _ROUNDING = 1e-15
-_NORMAL = 1.959964
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,28 +75,29 @@ def solve(
     `drive_covariance` (2n, 2n) is `EffortCalibration.torque_error_covariance`.
     """
     n = len(scale)
-    groups = make_groups(rows, rests, band, scale)
-    information = [embedded(group, n) for group in groups]
-    right = [right_side(group, n, RESIDUAL) for group in groups]
-    variances = np.array([max(group.prior, (ASSUMED_NOISE * scale[group.joint])**2)
-                          for group in groups])
+    groups = variance_groups.make_groups(rows, rests, band, scale)
+    information = [group.information() for group in groups]
+    right = [group.right_side(Column.RESIDUAL) for group in groups]
+    variances = np.array([
+        max(group.prior, (variance_groups.ASSUMED_NOISE * scale[group.joint])**2)
+        for group in groups])
     freedom = np.ones(len(groups))
     drive = _drive_information(scale, drive_covariance)
-    count = unknown_count(n, rows.gram.shape[1])
+    count = variance_groups.unknown_count(n, rows.gram.shape[1])
     theta, inverse = np.zeros(count), inverse_of(
         _prior_information(groups, variances, band, scale, drive, count))
     for _ in range(_ITERATIONS if groups else 0):
         prior = _prior_information(groups, variances, band, scale, drive, count)
         inverse = inverse_of(prior + sum(A / s for A, s in zip(information, variances)))
         theta = inverse @ sum(b / s for b, s in zip(right, variances))
-        squares = np.array([squares_of(group, theta, n) for group in groups])
+        squares = np.array([group.squares(theta) for group in groups])
         free = np.array([
             max(group.count - float(np.sum(inverse * A)) / s, 0.0)
             for group, A, s in zip(groups, information, variances)])
-        variances, freedom = estimated_variances(groups, squares, free, scale)
-        variances = variances * rows_per_independent_row(groups, theta, n)
+        variances, freedom = variance_groups.estimated_variances(groups, squares, free, scale)
+        variances = variances * variance_groups.rows_per_independent_row(groups, theta)
     covariance = inverse[:COUNT, :COUNT]
-    effort = sum((right_side(group, n, EFFORT) / s for group, s in zip(groups, variances)),
+    effort = sum((group.right_side(Column.EFFORT) / s for group, s in zip(groups, variances)),
                  np.zeros_like(theta))
     factor = _widening(inverse, information, variances, freedom)
     deviations = np.sqrt(np.diag(covariance)) * factor
@@ -121,8 +110,8 @@ def solve(
 def _relative_residual(groups: list[Group], theta: FloatArray, n: int) -> FloatArray:
     squares, power = np.zeros((2, n))
     for group in groups:
-        squares[group.joint] += squares_of(group, theta, n)
-        power[group.joint] += group.gram[EFFORT, EFFORT]
+        squares[group.joint] += group.squares(theta)
+        power[group.joint] += group.gram[Column.EFFORT, Column.EFFORT]
     return np.asarray(np.sqrt(np.divide(
         squares, power, out=np.full(n, np.nan), where=power > 0.0)))
 
@@ -138,10 +127,10 @@ def _prior_information(
     drive: FloatArray, count: int,
 ) -> FloatArray:
     """Return the information matrix (count, count) of the unknowns without data."""
-    friction = np.maximum(band, LEAST_NOISE * scale)**2
+    friction = np.maximum(band, variance_groups.LEAST_NOISE * scale)**2
     for group, variance in zip(groups, variances):
         if group.kind == 'single' and band[group.joint] == 0.0:  # from the scatter of its rests
-            friction[group.joint] = variance / BAND_VARIANCE
+            friction[group.joint] = variance / variance_groups.BAND_VARIANCE
     information = np.eye(count)
     single = 1.0 / np.concatenate([
         np.full(COUNT, PRIOR_DEVIATION**2), np.tile((FRICTION_ERROR * scale)**2, 2), friction,
@@ -168,35 +157,15 @@ def _widening(
     inverse: FloatArray, information: list[FloatArray], variances: FloatArray,
     freedom: FloatArray,
 ) -> FloatArray:
-    """
-    Return the factors (10,) by which few residuals enlarge the deviations.
-
-    Weights from estimated variances make the result appear too precise: P. Meier, "Variance of a
-    weighted mean", Biometrics 9(1), 1953. The rest is t / 1.96, t of Student's distribution with
-    the degrees of freedom of Welch and Satterthwaite.
-    """
+    """Return the factors (10,) by which few residuals enlarge the deviations."""
     if not information:
         return np.ones(COUNT)
     total = np.diag(inverse)[:COUNT]
     parts = np.clip([
         np.diag(inverse @ (A / s) @ inverse)[:COUNT] for A, s in zip(information, variances)],
         0.0, total)  # the rest is that of the prior
-    effective = total**2 / np.maximum((parts**2 / freedom[:, None]).sum(axis=0), 1e-300)
-    share = parts / total
-    weighting = 1.0 + 4.0 * np.sum(share * (1.0 - share) / freedom[:, None], axis=0)
-    return np.asarray(np.sqrt(weighting) * student_factor(effective))
-
-
-def student_factor(freedom: FloatArray) -> FloatArray:
-    """
-    Return t / 1.96, t the 97.5 % quantile of Student's distribution, for freedom >= 2.
-
-    A series instead of scipy, whose import would delay the control path of a running node.
-    """
-    f, z = np.clip(freedom, 2.0, 1e6), _NORMAL
-    t = (z + (z**3 + z) / (4 * f) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * f**2)
-         + (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / (384 * f**3))
-    return np.asarray(t / z)
+    weighting, interval = estimated_weights(parts / total, freedom)
+    return np.asarray(weighting * interval / NORMAL)
 
 
 def _expected(
@@ -208,10 +177,10 @@ def _expected(
 
     `mean_friction` (n,) is the present variance of the mean friction at rest.
     """
-    noise, friction = (EXPECTED_NOISE * scale)**2, BAND_VARIANCE * band**2
+    noise, friction = (EXPECTED_NOISE * scale)**2, variance_groups.BAND_VARIANCE * band**2
     expected = {
         'motion': noise + EXPECTED_FRICTION**2 * friction, 'single': noise + friction,
-        'paired': noise + PAIRED_FRACTION**2 * friction}
+        'paired': noise + variance_groups.PAIRED_FRACTION**2 * friction}
     for group, variance in zip(groups, variances):
         expected[group.kind][group.joint] = variance
     expected['single'] = expected['single'] + mean_friction

@@ -129,8 +129,7 @@ def tensor(values: FloatArray) -> FloatArray:
 
 def make_result(
     arm: ArmModel, link: str, solution: Solution, rows: LoadRows, rests: RestRows,
-    band: FloatArray,
-    block: float, position: FloatArray | None, with_advice: bool,
+    band: FloatArray, block: float, position: FloatArray | None, with_advice: bool,
 ) -> PayloadEstimate:
     """Return the result of a solution; `position` (n,) is the present one, None without data."""
     certain_mass = abs(solution.values[0]) - 2.0 * solution.deviations[0]
@@ -150,8 +149,7 @@ def make_result(
         link, solution.values, deviations, solution.covariance, verdicts,
         solution.per_percent, rows.duration, rows.holds, int(rests.paired.sum()),
         int((~rests.paired).sum()), int(rows.count.sum()),
-        _friction_text(rests, band), advice, _implausible(arm, solution, verdicts),
-        remarks,
+        _friction_text(rests, band), advice, _implausible(arm, solution, verdicts), remarks,
         arm.joint_names, solution.residual)
 
 

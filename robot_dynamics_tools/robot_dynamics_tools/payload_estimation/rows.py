@@ -36,17 +36,18 @@ REVERSAL = 5e-4
 """Displacement [rad] or [m] after which the direction of motion has changed."""
 LARGEST_GAP = 0.5
 """[s] between two samples from which on the motion between them is unknown."""
-VELOCITY, SIGN, RATE, RESIDUAL, EFFORT, ONE = range(COUNT, COUNT + 6)
 COLUMNS = COUNT + 6
-"""
-Columns of a row: Y, velocity, its sign, rate of the effort, residual, effort, and 1.
-
-Behind them are those of the errors of the model, if its uncertainty is known.
-"""
+"""Number of columns of a row, before those of the errors of the model, if these are known."""
 _SQUARE, _SAMPLES, _TIME, _POSITION = range(-4, 0)
 """Further columns of the sums over a block or a rest; the last two are of its last sample."""
 _STANDSTILL = 0.2 * REVERSAL
 _REST, _BETWEEN = 0, 2
+
+
+class Column:
+    """Columns of a row after Y: velocity, its sign, rate of the effort, residual, effort, 1."""
+
+    VELOCITY, SIGN, RATE, RESIDUAL, EFFORT, ONE = range(COUNT, COLUMNS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,8 +139,8 @@ class RowBuilder:
         dt, self._time = t - self._time if np.isfinite(self._time) else 0.0, t
         self._duration += dt
         if dt > 0.0:
-            moving[:, RATE] = (moving[:, EFFORT] - self._effort) / dt
-        self._effort = moving[:, EFFORT]
+            moving[:, Column.RATE] = (moving[:, Column.EFFORT] - self._effort) / dt
+        self._effort = moving[:, Column.EFFORT]
         self._change_kind(t, q, v)
         is_rest = self._kind == _REST
         used = (self._kind != _BETWEEN) & (t - self._since >= self._settling)
@@ -148,7 +149,7 @@ class RowBuilder:
         self._begin = np.where(is_first, t, self._begin)
         self._begin_position = np.where(is_first, q, self._begin_position)
         self._sums[used, :_SQUARE] += z[used]
-        self._sums[used, _SQUARE] += z[used, RESIDUAL]**2
+        self._sums[used, _SQUARE] += z[used, Column.RESIDUAL]**2
         self._sums[used, _SAMPLES] += 1.0
         self._sums[used, _TIME], self._sums[used, _POSITION] = t, q[used]
         self._position = q
@@ -231,8 +232,8 @@ class RowBuilder:
     def _rest(self, j: int) -> Rest:
         sums = self._settled[j]
         row = sums[:_SQUARE] / sums[_SAMPLES]
-        row[SIGN] = self._approach[j]
-        variance = max(sums[_SQUARE] / sums[_SAMPLES] - row[RESIDUAL]**2, 0.0)
+        row[Column.SIGN] = self._approach[j]
+        variance = max(sums[_SQUARE] / sums[_SAMPLES] - row[Column.RESIDUAL]**2, 0.0)
         return Rest(
             j, row, float(variance), float(sums[_TIME] - self._begin[j]),
             int(self._approach[j]), int(self._stay[j]), self._position)

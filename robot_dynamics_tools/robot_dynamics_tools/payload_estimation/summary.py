@@ -7,10 +7,9 @@ from collections.abc import Iterable
 import math
 from typing import Any
 
-import numpy as np
 from robot_dynamics.model.pseudo_inertia import NAMES
 from robot_dynamics_tools.payload_estimation.result import NO_EFFECT, PayloadEstimate, UNITS
-from robot_dynamics_tools.reporting.text_table import percent
+from robot_dynamics_tools.reporting.text_table import json_numbers, percent
 
 
 def headline(estimate: PayloadEstimate) -> str:
@@ -58,18 +57,15 @@ def parameter_rows(
 
 def as_dictionary(estimate: PayloadEstimate) -> dict[str, Any]:
     """Return all figures with their units; numbers that do not exist become null."""
-    def numbers(values: Any) -> list[float | None]:
-        return [value if math.isfinite(value) else None for value in np.asarray(values).tolist()]
-
     return {
         'link': estimate.link, 'parameters': list(NAMES), 'units': list(UNITS),
-        'values': numbers(estimate.values), 'deviations': numbers(estimate.deviations),
+        'values': json_numbers(estimate.values), 'deviations': json_numbers(estimate.deviations),
         'verdicts': list(estimate.verdicts),
-        'per_percent_of_effort': numbers(estimate.per_percent),
+        'per_percent_of_effort': json_numbers(estimate.per_percent),
         'covariance': estimate.covariance.tolist(),
-        'centre_of_mass_m': numbers(estimate.com),
-        'centre_of_mass_deviations_m': numbers(estimate.com_deviations),
-        'residual_by_effort': numbers(estimate.residual),
+        'centre_of_mass_m': json_numbers(estimate.com),
+        'centre_of_mass_deviations_m': json_numbers(estimate.com_deviations),
+        'residual_by_effort': json_numbers(estimate.residual),
         'is_observable': estimate.is_observable, 'duration_s': estimate.duration,
         'holds': estimate.holds, 'pairs': estimate.pairs, 'single_rests': estimate.singles,
         'blocks_of_motion': estimate.blocks, 'friction': estimate.friction,

@@ -12,21 +12,13 @@ limits. Blocks whose residuals are correlated with the next block count less, by
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics_tools.payload_estimation.pairing import RestRows
-from robot_dynamics_tools.payload_estimation.rows import (
-    COLUMNS,
-    EFFORT,
-    LoadRows,
-    ONE,
-    RATE,
-    RESIDUAL,
-    SIGN,
-    VELOCITY,
-)
+from robot_dynamics_tools.payload_estimation.rows import Column, COLUMNS, LoadRows
 
 LEAST_NOISE = 1e-5
 """Smallest deviation of an observation, relative to the effort limit: resolution of efforts."""
@@ -45,8 +37,9 @@ _ASSUMED_WEIGHT, _PAIRED_WEIGHT = 0.01, 1.0
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Rows of one joint: `gram` is Σ w z zᵀ; `prior` and `prior_weight` are of the variance."""
+    """Rows of one of n joints: `gram` is Σ w z zᵀ; `prior`, `prior_weight` are of the variance."""
 
+    n: int
     joint: int
     kind: str
     gram: FloatArray
@@ -58,16 +51,58 @@ class Group:
     lagged: FloatArray | None = None
     pairs: float = 0.0
 
+    @cached_property
+    def _places(self) -> tuple[list[int], list[int]]:
+        """The unknowns of the group, and their columns in its rows."""
+        n, scale_error = self.n, COUNT + 3 * self.n + 1 + self.joint
+        model_errors = range(COLUMNS, len(self.gram))
+        unknowns = [*range(COUNT), scale_error, scale_error + n, *(
+            unknown_count(n) + i for i in range(len(model_errors)))]
+        columns = [*range(COUNT), Column.EFFORT, Column.ONE, *model_errors]
+        if self.kind == 'motion':
+            unknowns += [COUNT + self.joint, COUNT + n + self.joint, COUNT + 3 * n]
+            columns += [Column.VELOCITY, Column.SIGN, Column.RATE]
+        elif self.kind == 'single':
+            unknowns.append(COUNT + 2 * n + self.joint)
+            columns.append(Column.SIGN)
+        return unknowns, columns
+
+    def information(self) -> FloatArray:
+        """Return the information matrix of all unknowns, for a variance of 1."""
+        unknowns, columns = self._places
+        A = np.zeros(2 * (unknown_count(self.n, len(self.gram)),))
+        A[np.ix_(unknowns, unknowns)] = self.gram[np.ix_(columns, columns)]
+        return A
+
+    def right_side(self, column: int) -> FloatArray:
+        """Return the right side of the normal equations of a column, for a variance of 1."""
+        unknowns, columns = self._places
+        b = np.zeros(unknown_count(self.n, len(self.gram)))
+        b[unknowns] = self.gram[columns, column]
+        return b
+
+    def residual_form(self, theta: FloatArray) -> FloatArray:
+        """Return u (c,) with u·z the residual of a row z."""
+        unknowns, columns = self._places
+        u = np.zeros(len(self.gram))
+        u[columns], u[Column.RESIDUAL] = -theta[unknowns], 1.0
+        return u
+
+    def squares(self, theta: FloatArray) -> float:
+        """Return the sum of the squared residuals."""
+        u = self.residual_form(theta)
+        return max(float(u @ self.gram @ u), 0.0)
+
 
 def make_groups(
     rows: LoadRows, rests: RestRows, band: FloatArray, scale: FloatArray,
 ) -> list[Group]:
-    groups = []
-    for j in range(len(scale)):
+    groups, n = [], len(scale)
+    for j in range(n):
         least = (LEAST_NOISE * scale[j])**2
         if rows.count[j]:
             groups.append(Group(
-                j, 'motion', rows.gram[j], rows.count[j], 0.0, POOLED_WEIGHT, least,
+                n, j, 'motion', rows.gram[j], rows.count[j], 0.0, POOLED_WEIGHT, least,
                 lagged=rows.lagged[j], pairs=rows.pairs[j]))
         for kind, fraction in (('single', 1.0), ('paired', PAIRED_FRACTION)):
             own = (rests.joint == j) & (rests.paired == (kind == 'paired'))
@@ -76,26 +111,10 @@ def make_groups(
                 noise = float(np.sum(w * rests.noise[own]) / w.sum())
                 prior = BAND_VARIANCE * (fraction * band[j])**2 + noise if band[j] > 0.0 else 0.0
                 groups.append(Group(
-                    j, kind, (z * w[:, None]).T @ z, float(w.sum()), prior,
+                    n, j, kind, (z * w[:, None]).T @ z, float(w.sum()), prior,
                     BAND_WEIGHT if band[j] > 0.0 and kind == 'single' else POOLED_WEIGHT,
                     max(least, 0.25 * noise), band[j]))
     return groups
-
-
-def _columns(group: Group, n: int) -> tuple[list[int], list[int]]:
-    """Return the unknowns of a group, and their columns in its rows."""
-    scale_error = COUNT + 3 * n + 1 + group.joint
-    model_errors = range(COLUMNS, len(group.gram))
-    unknowns = [*range(COUNT), scale_error, scale_error + n, *(
-        unknown_count(n) + i for i in range(len(model_errors)))]
-    columns = [*range(COUNT), EFFORT, ONE, *model_errors]
-    if group.kind == 'motion':
-        unknowns += [COUNT + group.joint, COUNT + n + group.joint, COUNT + 3 * n]
-        columns += [VELOCITY, SIGN, RATE]
-    elif group.kind == 'single':
-        unknowns.append(COUNT + 2 * n + group.joint)
-        columns.append(SIGN)
-    return unknowns, columns
 
 
 def unknown_count(n: int, columns: int = COLUMNS) -> int:
@@ -103,36 +122,7 @@ def unknown_count(n: int, columns: int = COLUMNS) -> int:
     return COUNT + 5 * n + 1 + columns - COLUMNS
 
 
-def embedded(group: Group, n: int) -> FloatArray:
-    unknowns, columns = _columns(group, n)
-    A = np.zeros(2 * (unknown_count(n, len(group.gram)),))
-    A[np.ix_(unknowns, unknowns)] = group.gram[np.ix_(columns, columns)]
-    return A
-
-
-def right_side(group: Group, n: int, column: int) -> FloatArray:
-    unknowns, columns = _columns(group, n)
-    b = np.zeros(unknown_count(n, len(group.gram)))
-    b[unknowns] = group.gram[columns, column]
-    return b
-
-
-def _residual_form(group: Group, theta: FloatArray, n: int) -> FloatArray:
-    """Return u (c,) with u·z the residual of a row z."""
-    unknowns, columns = _columns(group, n)
-    u = np.zeros(len(group.gram))
-    u[columns], u[RESIDUAL] = -theta[unknowns], 1.0
-    return u
-
-
-def squares_of(group: Group, theta: FloatArray, n: int) -> float:
-    u = _residual_form(group, theta, n)
-    return max(float(u @ group.gram @ u), 0.0)
-
-
-def rows_per_independent_row(
-    groups: list[Group], theta: FloatArray, n: int,
-) -> FloatArray:
+def rows_per_independent_row(groups: list[Group], theta: FloatArray) -> FloatArray:
     """
     Return the number of rows (groups,) that count as one, from consecutive residuals.
 
@@ -142,7 +132,7 @@ def rows_per_independent_row(
     sums, pairs = np.zeros(len(groups)), np.zeros(len(groups))
     for i, group in enumerate(groups):
         if group.lagged is not None:
-            u = _residual_form(group, theta, n)
+            u = group.residual_form(theta)
             power = max(float(u @ group.gram @ u), 1e-300) / group.count
             sums[i], pairs[i] = float(u @ group.lagged @ u) / power, group.pairs
     pooled = sums.sum() / max(pairs.sum(), 1.0)

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from robot_dynamics.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics_tools.pictures.torque_map import MapPanel
 from robot_dynamics_tools.pictures.workspace_map import WorkspaceGravity
-from robot_dynamics_tools.reporting.images import add_figure
+from robot_dynamics_tools.reporting.interactive import add_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -15,7 +15,7 @@ import re
 from typing import Any, NamedTuple
 
 from robot_dynamics.dependencies import optional
-from robot_dynamics.exceptions import MissingDependencyError, RecordingError
+from robot_dynamics.exceptions import RecordingError
 
 METADATA = 'metadata.yaml'
 _STORAGE = re.compile(r'\.(mcap|db3)(\.zstd)?$')
@@ -102,13 +102,11 @@ def recording_files(path: Path) -> RecordingFiles:
     metadata = path / METADATA
     if not metadata.is_file():
         return _without_metadata(path, f'without {METADATA}')
+    yaml = optional('yaml', METADATA)
     try:
-        text = metadata.read_text(encoding='utf-8')
-        stated = _load_yaml(text)['rosbag2_bagfile_information']
-        return _with_metadata(path, stated)
-    except MissingDependencyError:
-        raise
-    except (OSError, UnicodeDecodeError, KeyError, TypeError, ValueError, AttributeError):
+        stated = yaml.safe_load(metadata.read_text(encoding='utf-8'))
+        return _with_metadata(path, stated['rosbag2_bagfile_information'])
+    except (OSError, KeyError, TypeError, ValueError, AttributeError, yaml.YAMLError):
         return _without_metadata(path, f'with a {METADATA} that cannot be read')
 
 
@@ -149,14 +147,6 @@ def _stem_and_number(path: Path) -> tuple[str, int]:
     name = _STORAGE.sub('', path.name)
     numbered = _NUMBERED.match(name)
     return (name, -1) if numbered is None else (numbered['stem'], int(numbered['number']))
-
-
-def _load_yaml(text: str) -> Any:
-    yaml = optional('yaml', METADATA)
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise ValueError(str(error)) from None
 
 
 def relative_names(paths: Sequence[Path]) -> list[str]:

@@ -11,11 +11,7 @@ from robot_dynamics.arrays import BoolArray, FloatArray, IntArray, NANOSECONDS_P
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.angle_wrapping import unwrapped
 from robot_dynamics.validation import LARGEST_VALUE
-from robot_dynamics_tools.recordings.joint_state_decoding import (
-    DecodedJointStates,
-    FIELDS,
-    JointStateBlock,
-)
+from robot_dynamics_tools.recordings.messages import FIELDS, JointStateBlock
 from robot_dynamics_tools.recordings.sample_faults import (
     advancing_and_repeated,
     gaps_between,
@@ -121,32 +117,32 @@ class RecordedJointStates:
     """
     All messages of a topic, before joints are chosen.
 
-    `times_ns` (m,) are the times at which the messages were recorded; `source` names topic and
-    recording in errors.
+    `times_ns` (m,) are the times at which the messages were recorded, of which `unreadable` could
+    not be read; `source` names topic and recording in errors.
     """
 
     source: str
     times_ns: IntArray
-    decoded: DecodedJointStates
+    blocks: tuple[JointStateBlock, ...]
+    unreadable: int
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Every joint that a message names, in the order of their first mention."""
-        blocks = sorted(self.decoded.blocks, key=lambda block: int(block.rows[0]))
+        blocks = sorted(self.blocks, key=lambda block: int(block.rows[0]))
         return tuple(dict.fromkeys(name for block in blocks for name in block.joint_names))
 
     def together(self, joint_names: Sequence[str]) -> tuple[str, ...]:
         """Return the largest set of these joints that one message contains, in this order."""
         sets = [tuple(name for name in joint_names if name in block.joint_names)
-                for block in self.decoded.blocks]
+                for block in self.blocks]
         return max(sets, key=len, default=())
 
     def renamed(self, names: Mapping[str, str]) -> 'RecordedJointStates':
         """Return the same with other names for some joints, {recorded: new}."""
-        blocks = tuple(
+        return replace(self, blocks=tuple(
             block._replace(joint_names=tuple(names.get(name, name) for name in block.joint_names))
-            for block in self.decoded.blocks)
-        return replace(self, decoded=self.decoded._replace(blocks=blocks))
+            for block in self.blocks))
 
     def series(self, joint_names: Sequence[str] = ()) -> JointSeries:
         """
@@ -155,7 +151,7 @@ class RecordedJointStates:
         Times are the header stamps, or the recording times if all stamps are zero. Raises
         RecordingError if no message has these joints, or a complete sample of them.
         """
-        blocks = sorted(self.decoded.blocks, key=lambda block: int(block.rows[0]))
+        blocks = sorted(self.blocks, key=lambda block: int(block.rows[0]))
         names = tuple(joint_names or (blocks[0].joint_names if blocks else ()))
         fitting = [block for block in blocks if names and set(names) <= set(block.joint_names)]
         if not fitting:
@@ -197,9 +193,9 @@ class RecordedJointStates:
             message_count=count, period_ns=period, gaps=gaps_between(kept, periods, period),
             duplicated_ns=stamps[places[repeated]],
             backward_ns=stamps[places[~advancing & ~repeated]],
-            other_joints=count - len(stamps) - len(self.decoded.unreadable),
+            other_joints=count - len(stamps) - self.unreadable,
             incomplete=int((~whole).sum()),
-            unreadable=len(self.decoded.unreadable), arrival_times=arrival_times,
+            unreadable=self.unreadable, arrival_times=arrival_times,
             never_finite=tuple(
                 f'{field_name} of {name}' for field_name, values in columns.items()
                 if np.isfinite(values).any() for name, column in zip(names, values.T)

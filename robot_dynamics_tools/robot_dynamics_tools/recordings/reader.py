@@ -21,21 +21,14 @@ from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics_tools.recordings.bag_files import METADATA, recording_files
 from robot_dynamics_tools.recordings.joint_series import JointSeries, RecordedJointStates
-from robot_dynamics_tools.recordings.joint_state_decoding import decode_joint_states
+from robot_dynamics_tools.recordings.messages import decode_joint_states
 from robot_dynamics_tools.recordings.storage import StoredFile
 from robot_dynamics_tools.recordings.topics import (
     common_types,
     JOINT_STATE,
     RecordedTopic,
     ROBOT_DESCRIPTION,
-    TopicQos,
 )
-from robot_dynamics_tools.recordings.writer import RecordingWriter
-
-__all__ = [
-    'JOINT_STATE', 'JointSeries', 'RecordedTopic', 'Recording', 'RecordingWriter', 'stack',
-    'stamp_ns', 'TopicQos',
-]
 
 
 class Recording(AbstractContextManager['Recording']):
@@ -191,7 +184,7 @@ class Recording(AbstractContextManager['Recording']):
         return RecordedJointStates(
             f'topic {topic!r} of recording {str(self.path)!r}',
             np.array([time_ns for time_ns, _ in messages], dtype=np.int64),
-            decode_joint_states([data for _, data in messages]))
+            *decode_joint_states([data for _, data in messages]))
 
     def joint_series(self, topic: str, joint_names: Sequence[str] = ()) -> JointSeries:
         """

@@ -7,6 +7,10 @@ One file of a recording, read by the library `rosbags`.
 A file that was compressed as a whole is first decompressed into a temporary directory. If the
 recorder left a journal of a sqlite3 file, the file is completed there as well. A damaged file is
 an error that names the program that repairs it.
+
+A compressed file may expand to thousands of times its size. One pass over a file may decompress at
+most LARGEST_RATIO times the size of the file on disk, but at least LEAST_LIMIT. The chunks of an
+MCAP file are decompressed by rosbags, which has no limit.
 """
 
 from contextlib import closing, suppress
@@ -17,18 +21,67 @@ from typing import Any
 
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics_tools.recordings.compression import Budget, zstd_module
 from robot_dynamics_tools.recordings.topics import qos_from_rosbags, RecordedTopic
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 _COPY = 1 << 20
-
+LEAST_LIMIT = 1 << 28
+"""Bytes that any file may expand to."""
+LARGEST_RATIO = 200
+"""Bytes that each compressed byte of a file may expand to on average."""
 
 REPAIRS = {
     '.mcap': 'mcap recover {name} -o repaired.mcap (of the MCAP command line)',
     '.db3': "sqlite3 {name} '.recover' | sqlite3 repaired.db3",
     '.zstd': 'zstd -d {name}, and then the repair of the file that this writes'}
 """Commands that repair a damaged file, by its suffix."""
+
+
+class DecompressionLimitError(RecordingError):
+    """A file expands to more than its limit."""
+
+
+class Budget:
+    """The amount of data that one pass over a file may still decompress."""
+
+    def __init__(self, name: str, size: int) -> None:
+        """`name` is that of the file in messages, `size` [bytes] its size on disk."""
+        self.limit = max(LEAST_LIMIT, LARGEST_RATIO * size)
+        """[bytes]"""
+        self._name, self._size, self._left = name, size, self.limit
+
+    def spend(self, count: int) -> None:
+        """Count decompressed bytes; raise DecompressionLimitError beyond the limit."""
+        self._left -= count
+        if self._left < 0:
+            raise DecompressionLimitError(
+                f'{self._name} has {self._size} bytes and expands to more than {self.limit}, '
+                f'expected at most {LARGEST_RATIO} times its size, or {LEAST_LIMIT} bytes; if the '
+                'recording is genuine, decompress it first, with zstd -d (a file .zstd) or '
+                'ros2 bag convert')
+
+    def decompress(self, data: bytes) -> tuple[bytes, bool]:
+        """
+        Return the data that can be decompressed, and whether they are whole.
+
+        Raises DecompressionLimitError.
+        """
+        decompressor: Any = zstd_module().ZstdDecompressor()
+        try:
+            out = bytes(decompressor.decompress(data, self._left + 1))
+        except (EOFError, MemoryError, ValueError, zstd_module().ZstdError):
+            return b'', False
+        self.spend(len(out))
+        return out, decompressor.eof
+
+
+def zstd_module() -> Any:
+    """Return Python's module of Zstandard, or its replacement before Python 3.14."""
+    try:
+        from compression import zstd
+    except ImportError:
+        from backports import zstd
+    return zstd
 
 
 def damaged(path: Path, reason: object) -> RecordingError:

@@ -16,7 +16,12 @@ from typing import Any
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics_tools.recordings.interrupts import uninterrupted
-from robot_dynamics_tools.recordings.topics import qos_to_rosbags, TopicQos
+from robot_dynamics_tools.recordings.topics import (
+    DYNAMICS_TERMS,
+    DYNAMICS_TERMS_TEXT,
+    qos_to_rosbags,
+    TopicQos,
+)
 
 
 class RecordingWriter(AbstractContextManager['RecordingWriter']):
@@ -32,14 +37,15 @@ class RecordingWriter(AbstractContextManager['RecordingWriter']):
         Create `directory`.
 
         `definitions` are the texts of message types beyond those of ROS 2 Jazzy's common
-        packages, by name, for example {'my_msgs/msg/Pair': 'float64 a'}. Raises RecordingError if
-        the directory exists or cannot be made, MissingDependencyError without `rosbags`.
+        packages and DynamicsTerms, by name, for example {'my_msgs/msg/Pair': 'float64 a'}. Raises
+        RecordingError if the directory exists or cannot be made, MissingDependencyError without
+        `rosbags`.
         """
         rosbag2 = optional('rosbags.rosbag2', 'a recording')
         typesys = optional('rosbags.typesys', 'a recording')
         self.directory = directory
         self._types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-        for name, text in (definitions or {}).items():
+        for name, text in {DYNAMICS_TERMS: DYNAMICS_TERMS_TEXT, **(definitions or {})}.items():
             self._types.register(typesys.get_types_from_msg(text, name))
         self._connections: dict[str, Any] = {}
         try:

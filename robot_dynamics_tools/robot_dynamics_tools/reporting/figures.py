@@ -22,6 +22,7 @@ from robot_dynamics.dependencies import optional
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from robot_dynamics.model.arm import ArmModel
 
 BLACK, ORANGE, SKY, GREEN = '#000000', '#E69F00', '#56B4E9', '#009E73'
 BLUE, VERMILION, PURPLE, GREY = '#0072B2', '#D55E00', '#CC79A7', '#666666'
@@ -98,19 +99,6 @@ class TimeBoundary(NamedTuple):
     after: str
 
 
-def position_panel(times: FloatArray, reference: FloatArray, measured: FloatArray) -> Panel:
-    """Return the panel of a reference and the measured position, both (m, n) [rad] or [m]."""
-    return Panel(
-        'Position', 'position', times, {'reference': reference, 'measured': measured},
-        ('rad', 'm'))
-
-
-def error_panel(times: FloatArray, error: FloatArray) -> Panel:
-    """Return the panel of a tracking error, (m, n) [rad] or [m]."""
-    return Panel(
-        'Tracking error', 'error', times, {'error': error}, ('mrad', 'mm'), 1e3)
-
-
 def effort_panel(title: str, times: FloatArray, lines: Mapping[str, FloatArray]) -> Panel:
     """Return the panel of efforts, each (m, n) [N·m] or [N]; names as in LINES."""
     return Panel(title, 'effort', times, lines, ('N·m', 'N'))
@@ -125,8 +113,7 @@ def comparison_panels(times: FloatArray, measured: FloatArray, model: FloatArray
 
 
 def joint_figure(
-    title: str, joint_names: Sequence[str], joint_kinds: Sequence[str], panels: Sequence[Panel],
-    boundary: TimeBoundary | None = None,
+    title: str, arm: 'ArmModel', panels: Sequence[Panel], boundary: TimeBoundary | None = None,
 ) -> Any:
     """
     Return a matplotlib figure with a row for each joint and a column for each panel.
@@ -134,12 +121,12 @@ def joint_figure(
     A dashed line marks the boundary in each field. Raises MissingDependencyError without
     matplotlib.
     """
-    n = len(joint_names)
+    n = len(arm.joint_names)
     with styled_figure(COLUMN_WIDTH * len(panels), ROW_HEIGHT * n + 1.0) as figure:
         figure.suptitle(title)
         axes = figure.subplots(n, len(panels), sharex='col', squeeze=False)
-        for row, name in enumerate(joint_names):
-            prismatic = joint_kinds[row] == 'prismatic'
+        for row, name in enumerate(arm.joint_names):
+            prismatic = arm.joint_kinds[row] == 'prismatic'
             for column, panel in enumerate(panels):
                 _draw(axes[row, column], panel, row, prismatic)
                 if boundary is not None:
@@ -156,15 +143,14 @@ def joint_figure(
 
 
 def scatter_figure(
-    title: str, joint_names: Sequence[str], joint_kinds: Sequence[str], velocity: FloatArray,
-    residual: FloatArray,
+    title: str, arm: 'ArmModel', velocity: FloatArray, residual: FloatArray,
 ) -> Any:
     """
     Return a matplotlib figure of residual efforts over velocity, both (m, n), one field per joint.
 
     Raises MissingDependencyError without matplotlib.
     """
-    n = len(joint_names)
+    n = len(arm.joint_names)
     columns = min(n, SCATTER_COLUMNS)
     rows = -(-n // columns)
     step = max(1, len(velocity) // MAX_DOTS)
@@ -173,8 +159,8 @@ def scatter_figure(
         axes = figure.subplots(rows, columns, squeeze=False).ravel()
         for field in axes[n:]:
             field.set_visible(False)
-        for j, (field, name) in enumerate(zip(axes, joint_names)):
-            prismatic = joint_kinds[j] == 'prismatic'
+        for j, (field, name) in enumerate(zip(axes, arm.joint_names)):
+            prismatic = arm.joint_kinds[j] == 'prismatic'
             field.axhline(0.0, color=GREY, linewidth=0.8)
             field.axvline(0.0, color=GREY, linewidth=0.8)
             field.plot(

@@ -2,28 +2,28 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Figures over time with zoom in a report, by the library Bokeh, which the page contains.
+Figures in an HTML report: images of matplotlib, and figures over time with zoom by Bokeh.
 
 Bokeh is used because its script adds 1.3 MB to a report (3.9); the script of Plotly has 4.8 MB
 (7.1), and a report with it would exceed 5 MB. Both need no network. Without Bokeh, which is the
 extra `report`, a report has only the static figures.
 """
 
+from base64 import b64encode
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from html import escape
+from io import BytesIO
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import MissingDependencyError
-from robot_dynamics_tools.reporting.figures import (
-    GREY,
-    LABELS,
-    LINES,
-    LineStyle,
-    Panel,
-    TimeBoundary,
-)
-from robot_dynamics_tools.reporting.images import image
+from robot_dynamics.model_check.html_page import Page
+from robot_dynamics_tools.reporting import figures
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from robot_dynamics.model.arm import ArmModel
 
 MAX_POINTS = 6000
 """Largest number of points per line; more points make the page slow."""
@@ -37,32 +37,28 @@ USE = ('Drag over a time span to zoom all figures to it. The tools on the right 
        'In print, the figures are static.')
 
 
-class Zoomable(NamedTuple):
-    """The scripts for the head of a page, and the figures for its body."""
-
-    head: str
-    figures: str
-
-
-def zoomable_figures(
-    joint_names: Sequence[str], joint_kinds: Sequence[str], panels: Sequence[Panel],
-    boundary: TimeBoundary | None, static: bytes, what: str,
-) -> Zoomable:
+def add_time_figures(
+    page: Page, arm: 'ArmModel', title: str, panels: Sequence[figures.Panel], what: str,
+    boundary: figures.TimeBoundary | None = None,
+) -> bytes:
     """
-    Return figures with a row per joint and a column per panel, and a common time axis.
+    Add figures with a row per joint and a column per panel, and a common time axis.
 
-    `static` is the static counterpart as PNG, which print shows, and `what` describes it.
-    Without Bokeh the result is that image, with a command that installs Bokeh.
+    Return the static counterpart as PNG, which print shows; `what` describes it. Without Bokeh the
+    page has only that image, and a command that installs Bokeh.
     """
+    static = png(figures.joint_figure(title, arm, panels, boundary))
     static_image = image(static, what)
     try:
-        span = _bokeh('models').Range1d(*_span(panels), bounds='auto', min_interval=1e-3)
+        span = _bokeh('models').Range1d(
+            min(float(panel.times[0]) for panel in panels),
+            max(float(panel.times[-1]) for panel in panels), bounds='auto', min_interval=1e-3)
     except MissingDependencyError:  # whose message has a path of this machine
-        return Zoomable('', f'{static_image}<p>{WITHOUT_BOKEH}</p>')
-    rows = []
-    for row, name in enumerate(joint_names):
-        prismatic = joint_kinds[row] == 'prismatic'
-        rows.append([_figure(panel, row, name, prismatic, span, boundary) for panel in panels])
+        page.add(f'{static_image}<p>{WITHOUT_BOKEH}</p>')
+        return static
+    rows = [
+        [_figure(panel, row, name, kind == 'prismatic', span, boundary) for panel in panels]
+        for row, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_kinds))]
     for figure in rows[-1]:
         figure.xaxis.axis_label = 'time [s]'
     layout = _bokeh('layouts').gridplot(
@@ -70,24 +66,19 @@ def zoomable_figures(
         toolbar_options={'logo': None})
     script, element = _bokeh('embed').components(layout)
     head = _bokeh('resources').Resources(mode='inline', components=['bokeh']).render()
-    return Zoomable(
-        head, f'<div class="zoomable"><div class="interactive"><p>{USE}</p>'
-              f'<div class="wide"><div>{element}{script}</div></div></div>{static_image}</div>')
+    page.add(
+        f'<div class="zoomable"><div class="interactive"><p>{USE}</p>'
+        f'<div class="wide"><div>{element}{script}</div></div></div>{static_image}</div>', head)
+    return static
 
 
 def _bokeh(part: str) -> Any:
     return optional(f'bokeh.{part}', 'zoom in the figures of a report')
 
 
-def _span(panels: Sequence[Panel]) -> tuple[float, float]:
-    """Return the first and the last time of all panels [s]."""
-    return (min(float(panel.times[0]) for panel in panels),
-            max(float(panel.times[-1]) for panel in panels))
-
-
 def _figure(
-    panel: Panel, row: int, joint: str, prismatic: bool, span: Any,
-    boundary: TimeBoundary | None,
+    panel: figures.Panel, row: int, joint: str, prismatic: bool, span: Any,
+    boundary: figures.TimeBoundary | None,
 ) -> Any:
     """Return the figure of one panel at one joint."""
     models = _bokeh('models')
@@ -106,7 +97,7 @@ def _figure(
     source = models.ColumnDataSource({
         name: np.asarray(values, dtype=np.float32) for name, values in columns.items()})
     drawn = [
-        (LABELS.get(name, name), [_draw(figure, source, name, LINES[name])])
+        (figures.LABELS.get(name, name), [_draw(figure, source, name, figures.LINES[name])])
         for name in panel.lines]
     figure.add_tools(models.HoverTool(tooltips=[
         ('', '$name'), ('time', '$x{0.000} s'), (panel.quantity, f'$y{{0.000}} {unit}')]))
@@ -120,22 +111,41 @@ def _figure(
     return figure
 
 
-def _draw(figure: Any, source: Any, name: str, style: LineStyle) -> Any:
+def _draw(figure: Any, source: Any, name: str, style: figures.LineStyle) -> Any:
     dash = 'solid' if isinstance(style.dash, str) else [
         max(1, round(style.width * length)) for length in style.dash[1]]
     return figure.line(
-        'time', name, source=source, name=LABELS.get(name, name), color=style.colour,
+        'time', name, source=source, name=figures.LABELS.get(name, name), color=style.colour,
         line_dash=dash, line_width=style.width)
 
 
-def _mark(figure: Any, boundary: TimeBoundary, has_labels: bool) -> None:
+def _mark(figure: Any, boundary: figures.TimeBoundary, has_labels: bool) -> None:
     """Draw the boundary, with the names of both sides."""
     models = _bokeh('models')
     figure.add_layout(models.Span(
-        location=boundary.time, dimension='height', line_color=GREY, line_dash='dashed'))
+        location=boundary.time, dimension='height', line_color=figures.GREY, line_dash='dashed'))
     if not has_labels:
         return
     for text, align in ((f'{boundary.before} ◂ ', 'right'), (f' ▸ {boundary.after}', 'left')):
         figure.add_layout(models.Label(
             x=boundary.time, y=2, y_units='screen', text=text, text_align=align,
             text_font_size='11px', background_fill_color='white', background_fill_alpha=0.7))
+
+
+def add_figure(page: Page, figure: 'Figure', what: str) -> None:
+    """Add a figure to a page."""
+    page.add(image(png(figure), what))
+
+
+def image(png: bytes, what: str) -> str:
+    """Return an image that is embedded in the page."""
+    encoded = b64encode(png).decode('ascii')
+    return (f'<div class="static wide"><img alt="{escape(what)}" '
+            f'src="data:image/png;base64,{encoded}"></div>')
+
+
+def png(figure: 'Figure') -> bytes:
+    """Return a figure of matplotlib as PNG."""
+    data = BytesIO()
+    figure.savefig(data, format='png')
+    return data.getvalue()

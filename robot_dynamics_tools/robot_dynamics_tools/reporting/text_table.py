@@ -8,7 +8,7 @@ The library tabulate is not used because it only aligns cells: the notation of t
 decimals, an exponent outside of [1e-3, 1e6)), which is most of this module, would still be needed.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -59,6 +59,11 @@ def _text(cell: Cell) -> str:
     if abs(cell) < _ROUNDING:
         return f'{0.0:.4f}'
     return f'{cell:.4f}' if 1e-3 <= abs(cell) < 1e6 else f'{cell:.3e}'
+
+
+def json_numbers(values: Iterable[float]) -> list[float | None]:
+    """Return numbers for JSON, which has no NaN and no ∞: None instead of these."""
+    return [float(value) if np.isfinite(value) else None for value in values]
 
 
 def percent(fraction: float) -> str:

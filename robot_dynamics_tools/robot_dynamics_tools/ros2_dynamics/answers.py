@@ -7,21 +7,12 @@ from argparse import Namespace
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import InertiaStamped
-from lifecycle_msgs.srv import GetState
 import numpy as np
-from robot_dynamics.exceptions import InvalidInputError, ModelError
+from robot_dynamics.exceptions import ModelError
 from robot_dynamics.joints.units import LINEAR, ROTARY
-from robot_dynamics.ros.middleware.diagnostics import (
-    DRIVE_STIFFNESS,
-    FRICTION_ERROR,
-    STIFFNESS,
-    values_per_joint,
-)
-from robot_dynamics_interfaces.srv import InverseDynamics, ManipulatorEquation, SetPayload
+from robot_dynamics_interfaces.srv import InverseDynamics, ManipulatorEquation
 from robot_dynamics_tools.reporting.text_table import matrix_table, text_table
-from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
+from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 from robot_dynamics_tools.ros2_dynamics.joint_arguments import joint_values
 
 TERMS = ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort')
@@ -29,9 +20,6 @@ MOTORS = {
     'motor_current': 'current [A]', 'motor_voltage': 'voltage [V]',
     'current_ratio': 'of its limit', 'voltage_ratio': 'of its limit'}
 DERIVATIVES = {f'effort_{by}_derivative': by for by in ('position', 'velocity', 'acceleration')}
-LEVELS = {
-    DiagnosticStatus.OK: 'ok', DiagnosticStatus.WARN: 'warning', DiagnosticStatus.ERROR: 'ERROR',
-    DiagnosticStatus.STALE: 'stale'}
 
 
 class Answer(NamedTuple):
@@ -182,91 +170,6 @@ def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
         1 if errors_of(checked.findings, ignored) else 0)
 
 
-def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
-    """Return the active payloads, after a change if one is requested."""
-    if arguments.clear and arguments.link:
-        raise InvalidInputError(
-            f'LINK is {arguments.link!r} together with --clear, expected only one')
-    if arguments.link and arguments.mass is None:
-        raise InvalidInputError(f'LINK is {arguments.link!r} without a MASS, expected both')
-    if arguments.link or arguments.clear:
-        request = SetPayload.Request(
-            payload=_payload_to_ros(arguments), transition_time=arguments.transition)
-        response = client.call(SetPayload, 'set_payload', request)
-        data = {'node': client.name, 'message': response.message,
-                'transition_time': arguments.transition, 'warnings': list(response.warnings)}
-        lines = [f'{client.name}: {response.message}' + (
-            f', in {arguments.transition:g} s' if arguments.transition else ''),
-            *warning_lines(response.warnings)]
-        if arguments.simulated:
-            arm = client.resolve('simulated_arm')
-            data['simulated'] = client.call(
-                SetPayload, f'{arm}/set_payload', request).message
-            lines.append(f'{arm}: {data["simulated"]}')
-        return Answer(data, '\n'.join(lines))
-    payloads = _payloads_in_force(client)
-    if payloads is None:
-        raise NoAnswerError(f'{client.name} does not publish its payloads')
-    return Answer({'node': client.name, 'payload': payloads[-1], 'payloads': _loads(payloads)},
-                  f'{client.name}: {_describe_payloads(payloads)}')
-
-
-AT_REST = (
-    'At rest: stiffness of the feedback [N·m/rad, N/m], and position error [rad, m] up to which '
-    'the\nknown dry friction can hold a joint')
-
-
-def values_at_rest(node: str, statuses: Iterable[DiagnosticStatus]) -> dict[str, dict[str, float]]:
-    """Return stiffness and error by joint in the diagnostics, and the stiffness of drives."""
-    pairs = [pair for status in statuses if status.name == f'{node}: reference'
-             for pair in status.values]
-    drives = values_per_joint(pairs, DRIVE_STIFFNESS)
-    return {'stiffness': values_per_joint(pairs, STIFFNESS),
-            'friction_error': values_per_joint(pairs, FRICTION_ERROR),
-            **({'drive_stiffness': drives} if drives else {})}
-
-
-def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
-    """Return how the node is."""
-    name = client.name
-    state = client.call(GetState, 'get_state', GetState.Request()).current_state.label
-    command = client.parameters(['command'])['command']
-    joints = client.joint_names() if state in ('active', 'inactive') else []
-    payloads = _payloads_in_force(client) if joints else None
-    checks = client.receive(DiagnosticArray, '/diagnostics', 10, lambda message: [
-        status for status in message.status if status.name.startswith(f'{name}: ')] or None)
-    if checks is None:
-        raise NoAnswerError(f'{name} sends no /diagnostics')
-    rows = [[status.name.partition(': ')[2], LEVELS[status.level], status.message]
-            for status in checks]
-    facts = {'state': state, 'command': command, 'joints': ', '.join(joints) or 'none yet'}
-    facts |= {} if payloads is None else {'payload': _describe_payloads(payloads)}
-    blocks = [f'{name}\n' + text_table([], list(facts.items())),
-              text_table(['check', 'level', 'message'], rows)]
-    at_rest = values_at_rest(name, checks)
-    if any(at_rest.values()):
-        blocks.insert(1, AT_REST + '\n' + text_table(
-            ['joint', *at_rest], [
-                [joint, *(f'{values[joint]:.4g}' if joint in values else '-'
-                          for values in at_rest.values())]
-                for joint in joints]))
-    if arguments.verbose:
-        blocks += [f'{row[0]}\n' + text_table([], [
-            [pair.key, pair.value] for pair in status.values])
-            for row, status in zip(rows, checks) if status.values]
-    return Answer(
-        {'node': name, **facts, 'joints': joints,
-         'at_rest': at_rest, 'payload': payloads[-1] if payloads else None,
-         'payloads': _loads(payloads or ()), 'checks': [
-            {'check': row[0], 'level': row[1].lower(), 'message': row[2],
-             'values': {pair.key: pair.value for pair in status.values}}
-            for row, status in zip(rows, checks)]},
-        '\n\n'.join(blocks),
-        1 if any(status.level == DiagnosticStatus.ERROR for status in checks) else 0)
-
-
-# ------------------------------------------------------------------------------ motions, energies
-
 def _motion(
     client: DynamicsClient, arguments: Namespace, fields: Sequence[str],
 ) -> tuple[list[str], dict[str, list[float]]]:
@@ -293,47 +196,3 @@ def _energies(message: Any) -> dict[str, float]:
 def _in_words(energies: Mapping[str, float]) -> str:
     return (f'Kinetic energy {energies["kinetic_energy"]:.4f} J, potential energy '
             f'{energies["potential_energy"]:.4f} J')
-
-
-# ------------------------------------------------------------------------------ the payload
-
-def _payload_to_ros(arguments: Namespace) -> InertiaStamped:
-    message = InertiaStamped()
-    if arguments.clear:
-        return message
-    message.header.frame_id = arguments.link
-    inertia = message.inertia
-    inertia.m = arguments.mass
-    inertia.com.x, inertia.com.y, inertia.com.z = arguments.com
-    (inertia.ixx, inertia.ixy, inertia.ixz,
-     inertia.iyy, inertia.iyz, inertia.izz) = arguments.inertia
-    return message
-
-
-def _payloads_in_force(client: DynamicsClient) -> list[dict[str, Any]] | None:
-    """Return the messages with the newest stamp: all payloads; None without any message."""
-    messages = client.receive_latched(InertiaStamped, f'{client.name}/payload')
-    if not messages:
-        return None
-    newest = messages[-1].header.stamp
-    return [_payload_as_data(message) for message in messages
-            if message.header.stamp == newest]
-
-
-def _loads(payloads: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    return [payload for payload in payloads if payload['mass'] > 0.0]
-
-
-def _payload_as_data(message: InertiaStamped) -> dict[str, Any]:
-    inertia = message.inertia
-    return {
-        'link': message.header.frame_id, 'mass': inertia.m,
-        'com': [inertia.com.x, inertia.com.y, inertia.com.z],
-        'inertia': [inertia.ixx, inertia.ixy, inertia.ixz, inertia.iyy, inertia.iyz, inertia.izz]}
-
-
-def _describe_payloads(payloads: Sequence[Mapping[str, Any]]) -> str:
-    return '; '.join(
-        f'{one["mass"]:g} kg on {one["link"]!r}, centre of mass '
-        f'({", ".join(f"{value:g}" for value in one["com"])}) m'
-        for one in payloads if one['mass'] > 0.0) or 'no payload'

@@ -9,6 +9,7 @@ import os
 import time
 from typing import Any, TYPE_CHECKING, TypeVar
 
+from geometry_msgs.msg import InertiaStamped
 from rcl_interfaces.srv import GetParameters, SetParameters
 import rclpy
 from rclpy.context import Context
@@ -23,6 +24,7 @@ from std_msgs.msg import String
 
 if TYPE_CHECKING:
     from robot_dynamics.urdf.parser import UrdfJoint
+    from robot_dynamics_tools.recorder import Recorder
 
 TIMEOUT = 5.0
 """[s] that a node is looked for, and that an answer may take."""
@@ -56,6 +58,8 @@ class DynamicsClient:
         """`node` is a name with its namespace; empty for the only one that runs."""
         self._wanted = f'/{node.strip("/")}' if node else ''
         self.timeout = timeout
+        self.recorder: Recorder | None = None
+        """Records messages while the client waits."""
         self._target = ''
         self._context = Context()
         rclpy.init(args=[], context=self._context)
@@ -166,9 +170,10 @@ class DynamicsClient:
         return {name: parameter_value_to_python(value)
                 for name, value in zip(names, response.values)}
 
-    def set_parameter(self, name: str, value: object) -> None:
-        """Set a parameter of the node; raise NoAnswerError or RefusedError."""
-        response = self.call(SetParameters, 'set_parameters', SetParameters.Request(
+    def set_parameter(self, name: str, value: object, node: str = '') -> None:
+        """Set a parameter of the node, or of another one; raise NoAnswerError or RefusedError."""
+        service = f'{node or self.name}/set_parameters'
+        response = self.call(SetParameters, service, SetParameters.Request(
             parameters=[Parameter(name, value=value).to_parameter_msg()]))
         result, = response.results
         if not result.successful:
@@ -186,24 +191,22 @@ class DynamicsClient:
             if answer is not None:
                 taken.append(answer)
 
-        subscription = self.node.create_subscription(message_type, topic, offer, qos)
-        self.wait(lambda: bool(taken))
-        self.node.destroy_subscription(subscription)
+        with self.subscribed((message_type, topic, offer, qos)):
+            self.wait(lambda: bool(taken))
         return taken[0] if taken else None
 
-    def receive_latched(self, message_type: type, topic: str, depth: int = 32) -> list[Any]:
-        """Return the messages that a publisher has kept; none after the timeout."""
-        taken: list[Any] = []
-        qos = QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        subscription = self.node.create_subscription(message_type, topic, taken.append, qos)
-        if self.wait(lambda: bool(taken)):
-            self.wait(lambda: False, _GLANCE)
-        self.node.destroy_subscription(subscription)
-        return taken
+    def payloads(self) -> list[InertiaStamped]:
+        """Return the messages of the active payloads: those with the newest stamp."""
+        taken: list[InertiaStamped] = []
+        qos = QoSProfile(depth=32, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        with self.subscribed((InertiaStamped, self.resolve('~/payload'), taken.append, qos)):
+            if self.wait(lambda: bool(taken)):
+                self.wait(lambda: False, _GLANCE)
+        return [one for one in taken if one.header.stamp == taken[-1].header.stamp]
 
     @contextmanager
     def subscribed(
-        self, *topics: tuple[type, str, Callable[[Any], None], QoSProfile],
+        self, *topics: tuple[type, str, Callable[[Any], None], QoSProfile | int],
     ) -> Iterator[None]:
         """Pass the messages of topics (type, name, callback, QoS) to the callbacks in `with`."""
         subscriptions = [self.node.create_subscription(*topic) for topic in topics]
@@ -258,7 +261,9 @@ class DynamicsClient:
                 self._executor.spin_once(timeout_sec=_TURN)
 
     def on_turn(self) -> None:
-        """Do nothing; subclasses do what is due again and again during a wait."""
+        """Do what is due again and again during a wait: record the waiting messages."""
+        if self.recorder is not None:
+            self.recorder.drain()
 
     # ------------------------------------------------------------------ the arm
 

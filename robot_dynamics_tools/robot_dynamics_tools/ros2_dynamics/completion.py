@@ -8,8 +8,10 @@ These are completers of argcomplete, which calls them with the beginning of a wo
 arguments before it. A completer cannot report an error, and then offers no names.
 """
 
-from argparse import Action, Namespace
+from argparse import Action, ArgumentParser, Namespace
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
@@ -39,7 +41,7 @@ def complete_checks(prefix: str, **_: object) -> list[str]:
 
 def complete_commands(prefix: str, **_: object) -> list[str]:
     """Return the control laws, and `none`."""
-    from robot_dynamics.control.scaled_laws import command_modes
+    from robot_dynamics.control.laws.law_table import command_modes
     return list(command_modes())
 
 
@@ -69,3 +71,19 @@ def complete_links(prefix: str, parsed_args: Namespace, **_: object) -> list[str
 def complete_topics(prefix: str, parsed_args: Namespace, **_: object) -> list[str]:
     """Return the topics that exist."""
     return _asking(lambda client: client.topics(), parsed_args)
+
+
+COMPLETERS: dict[str, Callable[..., list[str]]] = {
+    'acceleration': complete_joints, 'frame': complete_links, 'frame_id': complete_links,
+    'ignore': complete_checks, 'link': complete_links, 'mode': complete_commands,
+    'node': complete_nodes, 'position': complete_joints, 'topics': complete_topics,
+    'velocity': complete_joints}
+"""The completers by argument. Paths have that of argcomplete, others none."""
+
+
+def add_completers(parser: ArgumentParser) -> None:
+    """Set the completers of all arguments of a parser."""
+    action: Any
+    for action in parser._actions:
+        if action.type is not Path:
+            action.completer = COMPLETERS.get(action.dest, complete_nothing)

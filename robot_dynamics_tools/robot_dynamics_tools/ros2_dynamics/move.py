@@ -16,6 +16,7 @@ from geometry_msgs.msg import PoseStamped
 import numpy as np
 import pinocchio as pin
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
+from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, trajectory_to_ros
 from robot_dynamics.tools.command_line import INTERRUPTED, ToolError
@@ -224,7 +225,7 @@ class MotionWatch:
     def error(self, goal: Sequence[float], position: Sequence[float]) -> 'np.ndarray[Any, Any]':
         """Return goal minus position (n,); of continuous joints the shortest angle."""
         error = np.subtract(goal, position)
-        return np.where(self._turns, np.remainder(error + np.pi, 2 * np.pi) - np.pi, error)
+        return np.where(self._turns, wrap_to_pi(error), error)
 
     def measured(self) -> list[float]:
         """Return the measured positions in the order of the node."""
@@ -248,7 +249,7 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
         with action_goal(client) as action:
             try:
                 if action is not None:
-                    action.send(goal_message(client, names)(goal, duration))
+                    action.send(goal_message(names, goal, duration))
                     if not arguments.no_wait:
                         with Progress(duration, 's') as progress:
                             action.wait_end(progress.update)
@@ -339,14 +340,10 @@ def _duration(
 
 
 def goal_message(
-    client: DynamicsClient, names: Sequence[str],
-) -> Callable[[Sequence[float], float], JointTrajectory]:
-    """Return a function that makes the message of a goal at rest and a duration [s]."""
-    # Without conditioning a point without velocities is approached with a constant velocity.
-    is_conditioned = client.parameters(['condition_references'])['condition_references']
-    rest = [] if is_conditioned else [[0.0] * len(names)]
-    return lambda goal, duration: trajectory_to_ros(
-        make_trajectory(names, [duration], [goal], rest, rest))
+    names: Sequence[str], goal: Sequence[float], duration: float,
+) -> JointTrajectory:
+    """Return the message of a goal at rest and a duration [s]."""
+    return trajectory_to_ros(make_trajectory(names, [duration], [goal]))
 
 
 @contextmanager
@@ -360,9 +357,8 @@ def goal_publication(
     plans the motion from its present reference. Raises NoAnswerError without a subscription of
     the node.
     """
-    message = goal_message(client, names)
     with publication(client, JointTrajectory, '~/joint_trajectory') as publish:
-        yield lambda goal, duration: publish(message(goal, duration))
+        yield lambda goal, duration: publish(goal_message(names, goal, duration))
 
 
 @contextmanager

@@ -18,12 +18,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_interfaces.msg import DynamicsTerms
-from robot_dynamics_tools.recorder import (
-    interface_definitions,
-    Recorder,
-    TopicSpec,
-    write_description,
-)
+from robot_dynamics_tools.recorder import Recorder, TopicSpec, write_description
 from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm
 from robot_dynamics_tools.recordings.topics import common_types, TopicQos
 from robot_dynamics_tools.recordings.writer import RecordingWriter
@@ -32,11 +27,8 @@ from robot_dynamics_tools.ros2_dynamics.answers import Answer
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 from sensor_msgs.msg import JointState
 
-DRAIN_PERIOD = 0.01
-"""[s]"""
 DISCOVERY_TIME = 1.0
 """[s] within which publishers of the topics are discovered."""
-INTERFACES = 'robot_dynamics_interfaces'
 TOPICS = {
     'joint_states': JointState, 'effort_command': JointState, '~/terms': DynamicsTerms,
     '~/computed_torque': JointState, '~/gravity_compensation': JointState,
@@ -54,42 +46,29 @@ def answer_record(client: DynamicsClient, arguments: Namespace) -> Answer:
                                 'directory')
     specs = topic_specs(client, arguments.topics)
     urdf = _description(client)
-    with interrupted_by_sigterm(), RecordingWriter(
-            directory, interface_definitions(INTERFACES, ['DynamicsTerms'])) as writer:
+    with interrupted_by_sigterm(), RecordingWriter(directory) as writer:
         if urdf is not None:
             write_description(
                 writer, client.resolve('robot_description'), urdf, time.time_ns())
-        recorder = Recorder(client.node, writer, specs)
+        client.recorder = recorder = Recorder(client.node, writer, specs)
         topics = 'topic' if len(specs) == 1 else 'topics'
         began = f'Recording {len(specs)} {topics} to {directory}; ' + (
             f'ends after {seconds:g} s.' if seconds else 'Ctrl-C ends.')
-        several = _record(client, recorder, seconds, began)
+        try:
+            print(began, file=sys.stderr, flush=True)
+            client.wait(lambda: False, math.inf if seconds is None else seconds)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            client.recorder = None
+            recorder.close()
+        # several publishers of a topic count their messages separately
+        several = [name for name in recorder.counts if client.node.count_publishers(name) > 1]
     rows = [
         {'topic': name, 'recorded': count.recorded,
          'lost': None if name in several else count.lost}
         for name, count in recorder.counts.items()]
     return _report(client, directory, rows)
-
-
-def _record(
-    client: DynamicsClient, recorder: Recorder, seconds: float | None, message: str,
-) -> set[str]:
-    """
-    Print the message, and record until the end.
-
-    Return the topics of several publishers, which count their messages separately.
-    """
-    try:
-        print(message, file=sys.stderr, flush=True)
-        end = math.inf if seconds is None else time.monotonic() + seconds
-        while time.monotonic() < end:
-            time.sleep(DRAIN_PERIOD)
-            recorder.drain()
-    except KeyboardInterrupt:
-        pass
-    finally:
-        recorder.close()
-    return {name for name in recorder.counts if client.node.count_publishers(name) > 1}
 
 
 def _report(
@@ -146,10 +125,10 @@ def _published_type(client: DynamicsClient, name: str) -> type:
         raise InvalidInputError(
             f'TOPIC is {name!r} of the types {", ".join(kinds())}, expected one type')
     package, _, message = kinds()[0].split('/')
-    if package != INTERFACES and kinds()[0] not in common_types().fielddefs:
+    if kinds()[0] not in common_types().fielddefs:
         raise InvalidInputError(
             f'TOPIC is {name!r} of type {kinds()[0]!r}, expected a type of the common packages of '
-            f'ROS 2 Jazzy or of {INTERFACES}')
+            'ROS 2 Jazzy, or DynamicsTerms')
     try:
         found: type = getattr(importlib.import_module(f'{package}.msg'), message)
     except (ImportError, AttributeError):

@@ -10,8 +10,8 @@ Nothing else imports this module, as ros2cli is not everywhere.
 from argparse import ArgumentParser, Namespace
 import sys
 
-from robot_dynamics_tools.ros2_dynamics.tool_verbs import is_tool, run_tool_verb, take_all
-from robot_dynamics_tools.ros2_dynamics.verbs import add_arguments, run
+from robot_dynamics_tools.ros2_dynamics.tools import is_tool, run_tool_verb, take_all, TOOLS
+from robot_dynamics_tools.ros2_dynamics.verbs import add_arguments, run, VERBS
 from ros2cli.command import add_subparsers_on_demand, CommandExtension
 from ros2cli.plugin_system import PLUGIN_SYSTEM_VERSION, satisfies_version
 
@@ -57,101 +57,10 @@ class VerbExtension:
         return run(self.NAME, args)
 
 
-class InverseVerb(VerbExtension):
-    """Which efforts a motion takes, split by term."""
-
-
-class EquationVerb(VerbExtension):
-    """M(q), C(q, v), g(q), friction and energies at a state."""
-
-
-class TaskSpaceVerb(VerbExtension):
-    """Pose, Jacobian, inertia and forces at a point of a link."""
-
-
-class PoseVerb(VerbExtension):
-    """Move a link to a pose, and report the position that the joints reached."""
-
-
-class CheckVerb(VerbExtension):
-    """Whether the model of the node is fit to compute with."""
-
-
-class PayloadVerb(VerbExtension):
-    """Show the active loads, put one on a link, or remove them."""
-
-
-class EstimatePayloadVerb(VerbExtension):
-    """Estimate what is attached to a link from measured efforts."""
-
-
-class StatusVerb(VerbExtension):
-    """How the node is: lifecycle, command, payload, diagnostics."""
-
-
-class MoveVerb(VerbExtension):
-    """Move the arm to a position, and report the position that it reached."""
-
-
-class StopVerb(VerbExtension):
-    """Stop the arm within its limits, and hold it."""
-
-
-class CommandVerb(VerbExtension):
-    """Show the control law whose efforts are commanded, or change it."""
-
-
-class ResetVerb(VerbExtension):
-    """Reset a latched fault."""
-
-
-class RetimeVerb(VerbExtension):
-    """The fastest timing of a trajectory file within the limits of the arm."""
-
-
-class LearnContactLevelsVerb(VerbExtension):
-    """Learn the levels of ~/contacts from recordings without contact."""
-
-
-class WatchVerb(VerbExtension):
-    """Print a table of the joints again and again."""
-
-
-class RecordVerb(VerbExtension):
-    """Record the topics of the node to a rosbag2 directory."""
-
-
-class AnalyzeVerb(VerbExtension):
-    """Compare recorded efforts with those of the model."""
-
-
-class AnimateVerb(VerbExtension):
-    """Animate a planar arm, or a recording of one."""
-
-
-class CalibrateGravityVerb(VerbExtension):
-    """Calibrate effort scale and offset from static holds."""
-
-
-class DemoVerb(VerbExtension):
-    """Close the loop with simulated_arm, record it, and report."""
-
-
-class ExciteVerb(VerbExtension):
-    """Find a motion that excites all parameters."""
-
-
-class ExportMjcfVerb(VerbExtension):
-    """Write the arm as MJCF of MuJoCo."""
-
-
-class IdentifyVerb(VerbExtension):
-    """Identify the parameters of an arm from recordings."""
-
-
-class TorqueMapVerb(VerbExtension):
-    """Draw the gravity torque over two joints, or over the workspace."""
-
-
-class ViewerVerb(VerbExtension):
-    """Watch and move the arm in a browser."""
+def __getattr__(name: str) -> type[VerbExtension]:
+    """Return the class of the entry point `VERB_verb`; its docstring is the help of ros2cli."""
+    verb = name.removesuffix('_verb')
+    found = VERBS.get(verb) or TOOLS.get(verb)
+    if found is None:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return type(name, (VerbExtension,), {'__doc__': f'{found.help}.'})

@@ -15,9 +15,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import qos_profile_sensor_data
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics.validation import check_scalar
-from robot_dynamics_tools.reporting.text_table import percent
-from robot_dynamics_tools.ros2_dynamics.answers import Units, values_at_rest
+from robot_dynamics_tools.reporting.text_table import json_numbers, percent
+from robot_dynamics_tools.ros2_dynamics.answers import Units
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, MONITOR, NoAnswerError
+from robot_dynamics_tools.ros2_dynamics.orders import values_at_rest
 from sensor_msgs.msg import JointState
 
 COMMAND_TIME = 1.5
@@ -83,8 +84,7 @@ class JointTable:
     def data(self) -> dict[str, Any]:
         """Return the values in the order of the node, null for those that did not arrive."""
         def column(field: str) -> list[float | None]:
-            values = (self._values[field].get(name, math.nan) for name in self._names)
-            return [value if math.isfinite(value) else None for value in values]
+            return json_numbers(self._values[field].get(name, math.nan) for name in self._names)
 
         at_rest = {
             field: [values.get(name) for name in self._names]

@@ -1,18 +1,26 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Actions of the controls of the viewer: references, pushes, loads, a reset."""
+"""
+Actions of the controls of the viewer: references, pushes, loads, a reset.
 
+They are messages to the nodes.
+"""
+
+import math
 import time
 from typing import NamedTuple
 
-from geometry_msgs.msg import InertiaStamped
+from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import FloatArray, wrap_to_pi
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.ros.middleware.conversions import payload_to_ros, trajectory_to_ros
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from robot_dynamics_tools.excitation.demo_motion import PEAK_ACCELERATION, PEAK_VELOCITY
 from robot_dynamics_tools.viewer.node import ViewerNode
 from robot_dynamics_tools.viewer.panel import ArmPanel
-from robot_dynamics_tools.viewer.requests import ball, force_on, motion_time, reference_to
 from robot_dynamics_tools.viewer.scene import ArmScene
 from trajectory_msgs.msg import JointTrajectory
 
@@ -20,6 +28,18 @@ SEND_PERIOD = 0.1
 """[s] between two references while a slider is moved."""
 LOAD_TIME = 0.5
 """Transition time [s] of a load: the arm hardly moves if one node gets it later."""
+DENSITY = 2000.0
+"""Density [kg/m^3] of the ball that represents a load."""
+SHORTEST_MOTION = 0.5
+"""[s]"""
+RISE_TIME = 0.25
+"""Shortest time [s] in which a joint reaches its speed."""
+UNLIMITED_SPEED = {'prismatic': 0.25}
+"""Velocity of a prismatic joint without a limit [m/s]; of a revolute joint, 1 rad/s."""
+HELD = 3600.0
+"""[s] to the second point of a reference, which is held."""
+_STOPPING = 4.0
+"""The acceleration of a quintic from a velocity v to rest at the same place in T is ≈ 4 v / T."""
 
 
 class Shown(NamedTuple):
@@ -53,10 +73,9 @@ class PageActions:
         """Time [s] of the last published reference on the monotonic clock."""
         self.answer = ''
         """Text about the result of the newest action."""
-        panel = shown.panel
-        panel.on_reference, panel.on_hold = self._wish, self._hold
-        panel.on_push, panel.on_reset = self._begin_push, self._reset
-        panel.on_attach, panel.on_detach = self._attach, self._detach
+        shown.panel.on = {
+            'reference': self._wish, 'hold': self._hold, 'push': self._begin_push,
+            'reset': self._reset, 'attach': self._attach, 'detach': self._detach}
 
     def turn(self, q: FloatArray | None, v: FloatArray | None) -> None:
         """Continue the active actions; the arm is at q, v (n,), None if unknown."""
@@ -137,3 +156,55 @@ class PageActions:
 
     def _take_answer(self, words: str) -> None:
         self.answer = words
+
+
+def motion_time(
+    arm: ArmModel, q: FloatArray, goal: FloatArray, speed: float, v: FloatArray | None = None,
+) -> float:
+    """
+    Return the duration [s] of a motion from q to a goal, both (n,).
+
+    From rest, no joint is faster than `speed`, a fraction of its velocity limit. With an initial
+    velocity v (n,) the duration allows to stop, so that a moving goal is followed smoothly.
+    """
+    default = np.array([UNLIMITED_SPEED.get(kind, 1.0) for kind in arm.joint_kinds])
+    limit = arm.limits.velocity
+    fastest = speed * np.where(np.isfinite(limit) & (limit > 0.0), limit, default)
+    way = np.abs(np.where(
+        arm.is_continuous, wrap_to_pi(goal - q), goal - q))
+    return float(max(
+        SHORTEST_MOTION, (PEAK_VELOCITY * way / fastest).max(),
+        np.sqrt(PEAK_ACCELERATION * way * RISE_TIME / fastest).max(),
+        0.0 if v is None else (_STOPPING * np.abs(v) * RISE_TIME / fastest).max()))
+
+
+def reference_to(arm: ArmModel, goal: FloatArray, seconds: float, sender: str) -> JointTrajectory:
+    """
+    Return the reference that reaches a goal (n,) after a time, and holds it.
+
+    Of two points, the last one is held; a single point would be a sample of a stream. `sender`
+    is in `frame_id`.
+    """
+    rest = 2 * [np.zeros(arm.joint_count)]
+    message = trajectory_to_ros(make_trajectory(
+        arm.joint_names, [seconds, seconds + HELD], [goal, goal], rest, rest))
+    message.header.frame_id = sender
+    return message
+
+
+def ball(link: str, mass: float) -> InertiaStamped:
+    """Return the load of a ball [kg] at the origin of a link; mass 0 removes the load."""
+    radius = (0.75 * mass / (math.pi * DENSITY)) ** (1.0 / 3.0)
+    message = payload_to_ros(make_payload(
+        link, mass, (0.0, 0.0, 0.0), 0.4 * mass * radius**2 * np.eye(3)))
+    message.header.frame_id = link
+    return message
+
+
+def force_on(link: str, force: FloatArray, R: FloatArray) -> WrenchStamped:
+    """Return a force (3,) [N] of the base frame on a link, which R (3, 3) turns into it."""
+    message = WrenchStamped()
+    message.header.frame_id = link
+    f = message.wrench.force
+    f.x, f.y, f.z = (R.T @ force).tolist()
+    return message

@@ -14,6 +14,7 @@ import math
 from pathlib import Path
 import queue
 import time
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,11 +24,11 @@ from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics_tools.recordings.sample_faults import counted
 from robot_dynamics_tools.viewer.actions import PageActions, Shown
-from robot_dynamics_tools.viewer.framing import Cameras
-from robot_dynamics_tools.viewer.node import Received, ViewerNode, worst_words
+from robot_dynamics_tools.viewer.node import ViewerNode, worst_words
 from robot_dynamics_tools.viewer.panel import ArmPanel
 from robot_dynamics_tools.viewer.scene import ArmScene
 from robot_dynamics_tools.viewer.source import ArmSource, Description
+from robot_dynamics_tools.viewer.views import Cameras
 from sensor_msgs.msg import JointState
 
 if TYPE_CHECKING:
@@ -126,7 +127,7 @@ class Viewer:
 
     # ------------------------------------------------------------------ what is received
 
-    def _take(self, received: Received) -> None:
+    def _take(self, received: SimpleNamespace) -> None:
         now = time.monotonic()
         if received.description is not None:
             self._source.take_topic(received.description.data)
@@ -161,7 +162,7 @@ class Viewer:
         self._v = values_of(shown.arm, state, 'velocity')
         shown.scene.move(q)
 
-    def _plot(self, shown: Shown, received: Received) -> None:
+    def _plot(self, shown: Shown, received: SimpleNamespace) -> None:
         arm, panel = shown.arm, shown.panel
         for message in (received.state, received.terms):
             if message is not None:

@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Watch and move an arm in a browser: `viewer` is a node that serves one page.
+Show an arm in 3-D in a browser with its efforts, external forces, payload and live plots.
+
+Sliders move the arm, buttons attach a load and push it. Requires a running dynamics_node. Names
+are relative: with -r __ns:=/left after --ros-args, the node is /left/dynamics.
 
 Exit status: 0 ended by Ctrl-C or SIGTERM; 1 it cannot start; 2 a mistake in the arguments.
 """
@@ -35,20 +38,7 @@ def execute(argv: Sequence[str] | None = None) -> NoReturn:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Serve the page until interrupted; return the exit status."""
-    given = list(sys.argv[1:] if argv is None else argv)
-    split = given.index('--ros-args') if '--ros-args' in given else len(given)
-    arguments = _parser().parse_args(given[:split])
-    return run_tool('viewer', partial(_run, arguments, given[split:]), rejected=FAILED)
-
-
-def _parser() -> Parser:
-    parser = Parser(
-        prog='viewer',
-        description='Shows an arm in 3-D in a browser with its efforts, external forces, payload '
-                    'and live\nplots. Sliders move the arm, buttons attach a load and push it. '
-                    'Requires a running\ndynamics_node.',
-        epilog='Names are relative: with -r __ns:=/left after --ros-args, the node is '
-               '/left/dynamics.')
+    parser = Parser(prog='viewer', description=__doc__)
     parser.add_argument(
         '--host', default=DEFAULT_HOST, metavar='ADDRESS',
         help='Address at which the page is served (default: %(default)s, this computer only). Any '
@@ -75,7 +65,10 @@ def _parser() -> Parser:
     parser.add_argument(
         '--simulated-arm', default='simulated_arm', metavar='NAME',
         help='Name of the node for pushes and loads (default: %(default)s)')
-    return parser
+    given = list(sys.argv[1:] if argv is None else argv)
+    split = given.index('--ros-args') if '--ros-args' in given else len(given)
+    arguments = parser.parse_args(given[:split])
+    return run_tool('viewer', partial(_run, arguments, given[split:]), rejected=FAILED)
 
 
 def port_number(text: str) -> int:

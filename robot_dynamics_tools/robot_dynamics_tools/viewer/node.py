@@ -9,7 +9,7 @@ only their newest message is kept, so that the load does not depend on the rate 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -35,20 +35,6 @@ MOST_TURNS = 40
 DESCRIBING = ('robot_description', 'robot_description_file', 'joints')
 
 
-@dataclass
-class Received:
-    """The newest message of each topic since the last call; None without a message."""
-
-    state: JointState | None = None
-    terms: DynamicsTerms | None = None
-    reference: JointState | None = None
-    markers: MarkerArray | None = None
-    trajectory: JointTrajectory | None = None
-    payload: InertiaStamped | None = None
-    diagnostics: DiagnosticArray | None = None
-    description: String | None = None
-
-
 class ViewerNode:
     """The node `viewer`, for nodes with these names."""
 
@@ -56,20 +42,22 @@ class ViewerNode:
         self, node: Node, dynamics: str, simulated_arm: str, monitor: str = 'dynamics_monitor',
     ) -> None:
         self.node = node
-        self._received = Received()
         self._turned = False
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
-        for field, kind, topic, qos in (
-                ('state', JointState, 'joint_states', NEWEST_STATE),
-                ('terms', DynamicsTerms, f'{dynamics}/terms', NEWEST),
-                ('reference', JointState, f'{dynamics}/reference', NEWEST),
-                ('markers', MarkerArray, f'{monitor}/markers', NEWEST),
-                ('trajectory', JointTrajectory, f'{dynamics}/joint_trajectory', NEWEST),
-                ('payload', InertiaStamped, f'{dynamics}/payload', LATCHED),
-                ('diagnostics', DiagnosticArray, '/diagnostics', QoSProfile(depth=10)),
-                ('description', String, 'robot_description', LATCHED)):
+        topics = (
+            ('state', JointState, 'joint_states', NEWEST_STATE),
+            ('terms', DynamicsTerms, f'{dynamics}/terms', NEWEST),
+            ('reference', JointState, f'{dynamics}/reference', NEWEST),
+            ('markers', MarkerArray, f'{monitor}/markers', NEWEST),
+            ('trajectory', JointTrajectory, f'{dynamics}/joint_trajectory', NEWEST),
+            ('payload', InertiaStamped, f'{dynamics}/payload', LATCHED),
+            ('diagnostics', DiagnosticArray, '/diagnostics', QoSProfile(depth=10)),
+            ('description', String, 'robot_description', LATCHED))
+        for field, kind, topic, qos in topics:
             node.create_subscription(kind, topic, self._keep(field), qos)
+        self._nothing = dict.fromkeys(topic[0] for topic in topics)
+        self._received = SimpleNamespace(**self._nothing)
         self._trajectory = node.create_publisher(
             JointTrajectory, f'{dynamics}/joint_trajectory', NEWEST)
         self._wrench = node.create_publisher(
@@ -95,14 +83,19 @@ class ViewerNode:
         full_name = service.rpartition('/')[0]
         return any(status.name.startswith(f'{full_name}: ') for status in message.status)
 
-    def receive(self) -> Received:
-        """Return the received messages, and pass on the responses of services."""
+    def receive(self) -> SimpleNamespace:
+        """
+        Return the newest message of each topic since the last call, None without a message.
+
+        The attributes are `state`, `terms`, `reference`, `markers`, `trajectory`, `payload`,
+        `diagnostics` and `description`. Passes on the responses of services, too.
+        """
         for _ in range(MOST_TURNS):
             self._turned = False
             self._executor.spin_once(timeout_sec=0.0)
             if not self._turned:
                 break
-        received, self._received = self._received, Received()
+        received, self._received = self._received, SimpleNamespace(**self._nothing)
         return received
 
     def close(self) -> None:

@@ -46,12 +46,8 @@ class ArmPanel:
 
     def __init__(self, gui: 'viser.GuiApi', arm: ArmModel, ask: Ask) -> None:
         self._gui, self._arm, self._ask = gui, arm, ask
-        self.on_reference: Callable[[], None] = lambda: None
-        self.on_hold: Callable[[], None] = lambda: None
-        self.on_attach: Callable[[], None] = lambda: None
-        self.on_detach: Callable[[], None] = lambda: None
-        self.on_push: Callable[[], None] = lambda: None
-        self.on_reset: Callable[[], None] = lambda: None
+        self.on: dict[str, Callable[[], None]] = {}
+        """The actions: reference, hold, attach, detach, push and reset."""
         self._folders = [self._add_reference(), self._add_load(), self._add_push()]
         self._plot_panel = gui.add_panel()
         self._plot_panel.dock_left()
@@ -68,8 +64,8 @@ class ArmPanel:
         for part in (*self._folders, self._plot_panel):
             part.remove()
 
-    def _button(self, label: str, pressed: Callable[[], None]) -> None:
-        self._gui.add_button(label).on_click(lambda _: self._ask(pressed))
+    def _button(self, label: str, action: str) -> None:
+        self._gui.add_button(label).on_click(lambda _: self._ask(self.on[action]))
 
     # ------------------------------------------------------------------ the reference
 
@@ -91,14 +87,14 @@ class ArmPanel:
                     f'{name} [{unit}]', low, high, step, min(max(0.0, low), high))
                 slider.on_update(self._slid)
                 self._sliders.append(slider)
-            self._button('Hold here', lambda: self.on_hold())
+            self._button('Hold here', 'hold')
         self._known = [slider.value for slider in self._sliders]
         self._goal = np.array(self._known)
         return folder
 
     def _slid(self, event: Any) -> None:
         if event.client is not None:  # not by `follow`
-            self._ask(self.on_reference)
+            self._ask(self.on['reference'])
 
     def take_goal(self) -> FloatArray:
         """
@@ -173,8 +169,8 @@ class ArmPanel:
                 'in the controller model', True, hint='Calls set_payload of dynamics')
             self._is_carried = self._gui.add_checkbox(
                 'on the simulated arm', True, hint='Calls set_payload of simulated_arm')
-            self._button('Attach', lambda: self.on_attach())
-            self._button('Detach', lambda: self.on_detach())
+            self._button('Attach', 'attach')
+            self._button('Detach', 'detach')
         return folder
 
     @property
@@ -194,8 +190,8 @@ class ArmPanel:
             self._push_link = self._gui.add_dropdown(
                 'pushed link', self._arm.link_names, initial_value=hand_of(self._arm))
             self._seconds = self._gui.add_slider('for [s]', 0.1, 5.0, 0.1, 0.5)
-            self._button('Push', lambda: self.on_push())
-            self._button('Reset', lambda: self.on_reset())
+            self._button('Push', 'push')
+            self._button('Reset', 'reset')
         return folder
 
     @property

@@ -22,7 +22,7 @@ from robot_dynamics.urdf.inertials import read_joint_origins
 from robot_dynamics.urdf.mesh_files import check_mesh_file, find_mesh, find_untrusted_mesh
 from robot_dynamics.urdf.visuals import Box, Mesh, read_visuals, Sphere, Visual
 from robot_dynamics_tools.pictures.arm_marks import ArmMarks
-from robot_dynamics_tools.viewer.labels import newest_view, spread
+from robot_dynamics_tools.viewer.views import newest_view, spread
 import trimesh
 from visualization_msgs.msg import Marker
 
@@ -281,13 +281,9 @@ def _rgb(marker: Marker) -> FloatArray:
     return np.array([marker.color.r, marker.color.g, marker.color.b])
 
 
-def _bytes_of(colour: FloatArray) -> Any:
-    return np.round(255.0 * colour).astype(np.uint8)
-
-
 def _update_line(handle: Any, marker: Marker) -> None:
     handle.points = _segments(marker).astype(np.float32)
-    colour = _bytes_of(_rgb(marker))
+    colour = np.round(255.0 * _rgb(marker)).astype(np.uint8)
     if not np.array_equal(handle.colors, colour):
         handle.colors = colour
 

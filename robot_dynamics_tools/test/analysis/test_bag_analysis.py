@@ -15,7 +15,8 @@ from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
 from robot_dynamics_tools.analysis.bag_analysis import analyze_recording
-from robot_dynamics_tools.recordings.reader import JOINT_STATE, RecordingWriter
+from robot_dynamics_tools.recordings.topics import JOINT_STATE
+from robot_dynamics_tools.recordings.writer import RecordingWriter
 from robots import robot_urdf
 
 # A warning of numpy indicates a number that the code did not check.

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import MissingDependencyError, RobotDynamicsError
-from robot_dynamics.html_page import Origin
+from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
 from robot_dynamics_tools.analysis.batch import run_tasks, task_key
 from robot_dynamics_tools.analysis.result_store import load_result, save_result

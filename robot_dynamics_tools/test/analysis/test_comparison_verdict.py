@@ -5,7 +5,7 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.html_page import Grade
+from robot_dynamics.model_check.html_page import Grade
 from robot_dynamics_tools.analysis.report import joint_verdict
 
 TIMES = np.linspace(0.0, 20.0, 4001)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics_tools.analysis.motion_filter import filter_motion, zero_phase
-from robot_dynamics_tools.recordings.reader import JointSeries
+from robot_dynamics_tools.recordings.joint_series import JointSeries
 
 JOINTS = ('a', 'b')
 FREQUENCIES = (0.1, 0.23, 0.5)

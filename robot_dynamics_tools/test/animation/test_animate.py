@@ -20,8 +20,10 @@ from robot_dynamics_tools.animation.panels import EffortPanel, EnergyPanel
 from robot_dynamics_tools.commands import animate
 from robot_dynamics_tools.commands.animate import main
 from robot_dynamics_tools.pictures.planar_view import PlanarView
-from robot_dynamics_tools.recordings.message_encoding import joint_state_messages
-from robot_dynamics_tools.recordings.reader import JOINT_STATE, JointSeries, RecordingWriter
+from robot_dynamics_tools.recordings.joint_series import JointSeries
+from robot_dynamics_tools.recordings.messages import joint_state_messages
+from robot_dynamics_tools.recordings.topics import JOINT_STATE
+from robot_dynamics_tools.recordings.writer import RecordingWriter
 from robot_dynamics_tools.reporting.figures import styled_figure
 from robots import robot_path
 

@@ -14,13 +14,13 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 
 RECORDED = ['rosbags', 'PyYAML', 'scipy', 'matplotlib']
 TOOLS = {
-    'commands.analyze': (['BAG', '--output', 'out'], RECORDED),
-    'commands.identify': (['BAG', '--urdf', 'arm.urdf'], RECORDED),
-    'commands.animate': ([], ['matplotlib', 'Pillow']),
-    'commands.animate BAG': (['BAG'], ['Pillow', *RECORDED]),
-    'commands.torque_map': ([], ['matplotlib']),
+    'analyze': (['BAG', '--output', 'out'], RECORDED),
+    'identify': (['BAG', '--urdf', 'arm.urdf'], RECORDED),
+    'animate': ([], ['matplotlib', 'Pillow']),
+    'animate BAG': (['BAG'], ['Pillow', *RECORDED]),
+    'torque_map': ([], ['matplotlib']),
     'demo': ([], ['ROS 2 Jazzy']),
-    'ros2_dynamics': (['status'], ['ROS 2 Jazzy']),
+    'status': ([], ['ROS 2 Jazzy']),
 }
 """Arguments of tools, and what they need beyond numpy and Pinocchio."""
 
@@ -32,7 +32,7 @@ def test_a_tool_names_all_missing_libraries_before_its_work(name, tmp_path):
     (place := tmp_path / 'here').mkdir()
     environment = environment_without(site, [*LIBRARIES, 'rclpy'])
     done = children.run(
-        [sys.executable, '-m', f'robot_dynamics_tools.{name.partition(" ")[0]}', *arguments],
+        [sys.executable, '-m', 'robot_dynamics_tools', name.partition(' ')[0], *arguments],
         capture_output=True, text=True, cwd=place, env={**os.environ, **environment})
     assert done.stdout == ''
     line, = done.stderr.splitlines()
@@ -46,7 +46,7 @@ def test_excite_needs_neither_ros_nor_a_library(tmp_path):
     (tmp_path / 'arm.urdf').write_text(default_arm_urdf(), encoding='utf-8')
     (site := tmp_path / 'site').mkdir()
     done = children.run(
-        [sys.executable, '-m', 'robot_dynamics_tools.commands.excite', '--urdf', 'arm.urdf',
+        [sys.executable, '-m', 'robot_dynamics_tools', 'excite', '--urdf', 'arm.urdf',
          '--duration', '2', '--harmonics', '2'], capture_output=True, text=True, cwd=tmp_path,
         env={**os.environ, **environment_without(site, [*LIBRARIES, 'rclpy'])})
     assert done.returncode == 0, done.stderr

@@ -6,13 +6,9 @@
 import json
 from pathlib import Path
 import re
-import shutil
 import sys
 
 from arm_motions import fourier_motion
-from blas import blas_environments
-import children
-from children import LONG
 from identification_bench import changed_arm, rigid_effort
 import numpy as np
 import pytest
@@ -206,21 +202,6 @@ def test_the_samples_of_the_test_part_are_exported(output):
         assert residual == pytest.approx(figures['residual']['consistent']['test'][j], rel=1e-5)
         assert np.gradient(values[f'{name}.position [rad]'], 0.01)[5:-40] == pytest.approx(
             values[f'{name}.velocity [rad/s]'][5:-40], abs=0.01)
-
-
-@pytest.mark.soak
-def test_every_blas_kernel_makes_the_same_choices(tmp_path, short, urdf):
-    """The printed report: cut-off, kind of friction, regularization and excited parameters."""
-    printed = {}
-    for name, environment in blas_environments().items():
-        done = children.run(
-            [sys.executable, '-m', 'robot_dynamics_tools.commands.identify', str(short),
-             '--urdf', str(urdf), '--output', str(tmp_path / 'out')],
-            env=environment, capture_output=True, text=True, timeout=LONG)
-        assert done.returncode == DONE, done.stderr
-        printed[name] = done.stdout
-        shutil.rmtree(tmp_path / 'out')
-    assert len(set(printed.values())) == 1, printed
 
 
 def test_effort_that_is_current(tmp_path, urdf, capsys):

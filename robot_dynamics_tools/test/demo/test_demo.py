@@ -13,7 +13,7 @@ from demo_process import nodes_of, relative_residuals, run_demo, start_demo, wai
 import numpy as np
 import pytest
 from report_page import ReportPage
-from robot_dynamics.html_page import Grade
+from robot_dynamics.model_check.html_page import Grade
 from robot_dynamics_tools.demo.cli import _make_directory, main
 from robot_dynamics_tools.demo.processes import choose_domain
 from robot_dynamics_tools.demo.report import tracking_verdict

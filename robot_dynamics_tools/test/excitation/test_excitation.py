@@ -19,6 +19,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import trajectory_from_ros
 from robot_dynamics.trajectories.files import read_trajectory, write_trajectory
+from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics_tools.commands.excite import main
 from robot_dynamics_tools.excitation.demo_motion import sample_trajectory
 from robot_dynamics_tools.excitation.evolution_strategy import minimize_by_rank
@@ -26,9 +27,8 @@ from robot_dynamics_tools.excitation.excitation import (
     ConditionNumber,
     Excitation,
     find_excitation,
-    Motion,
 )
-from robot_dynamics_tools.excitation.excitation_limits import LimitFractions, motion_limits
+from robot_dynamics_tools.excitation.excitation_limits import motion_limits
 from robot_dynamics_tools.excitation.excitation_trajectory import exciting_trajectory
 from robot_dynamics_tools.excitation.fourier_series import series_basis
 from robots import robot_path, robot_urdf
@@ -44,8 +44,8 @@ DURATION, HARMONICS = 8.0, 4
 def test_a_series_is_at_rest_at_both_ends_and_its_derivatives_are_its_own(harmonics):
     times = np.linspace(0.0, DURATION, 4001)
     basis = series_basis(harmonics, DURATION, times)
-    assert basis.position.shape == (4001, 2 * harmonics - 2)
-    assert np.linalg.matrix_rank(basis.position) == 2 * harmonics - 2
+    assert basis[0].shape == (4001, 2 * harmonics - 2)
+    assert np.linalg.matrix_rank(basis[0]) == 2 * harmonics - 2
     for values in basis:
         assert values[[0, -1]] == pytest.approx(0.0, abs=1e-12)
     for values, rates in zip(basis, basis[1:]):
@@ -62,8 +62,8 @@ def dynamics() -> ArmDynamics:
 @pytest.fixture(scope='module')
 def excitation(dynamics: ArmDynamics) -> Excitation:
     """Return a motion that is also limited by efforts, as the arm may use few of them."""
-    fractions = LimitFractions(velocity=0.5, effort=0.4, acceleration=20.0)
-    return find_excitation(dynamics, motion_limits(dynamics, fractions), HARMONICS, DURATION)
+    limits = motion_limits(dynamics, velocity_scale=0.5, effort_scale=0.4, acceleration=20.0)
+    return find_excitation(dynamics, limits, HARMONICS, DURATION)
 
 
 def test_no_limit_is_passed_anywhere(dynamics, excitation):
@@ -98,7 +98,7 @@ def test_every_blas_kernel_finds_the_same_trajectory(robot, tmp_path):
     for name, environment in blas_environments().items():
         file = tmp_path / f'{name}.yaml'
         children.run(
-            [sys.executable, '-m', 'robot_dynamics_tools.commands.excite', *urdf,
+            [sys.executable, '-m', 'robot_dynamics_tools', 'excite', *urdf,
              '--output', str(file)],
             env=environment, check=True, capture_output=True, timeout=LONG)
         points = json.loads(file.read_text(encoding='utf-8'))['points']
@@ -126,38 +126,39 @@ def test_the_condition_number_is_that_of_the_base_regressor(dynamics):
     q, v, a = random.normal(size=(3, 50, 2))
     condition = ConditionNumber(dynamics.arm)
     assert condition.parameter_count == 7 + 6
-    values = condition(Motion(q, v, a))
-    assert condition(Motion(q, v, a)) == values > 1.0
+    values = condition(Reference(q, v, a))
+    assert condition(Reference(q, v, a)) == values > 1.0
     # a joint at rest does not excite its rotor inertia and its friction
     v[:, 1] = a[:, 1] = 0.0
-    assert condition(Motion(q, v, a)) >= 1e8
+    assert condition(Reference(q, v, a)) >= 1e8
 
 
 def test_rounded_angles_of_a_urdf_excite_no_parameters():
     """The xArm 7 turns its axes by 1.5708, which differs from π/2 by 4e-6."""
     arm = load_arm(robot_urdf('xarm7'))
     q, v, a = np.random.default_rng(0).normal(size=(3, 100, 7))
-    assert ConditionNumber(arm)(Motion(q, v, a)) < 1e3
+    assert ConditionNumber(arm)(Reference(q, v, a)) < 1e3
 
 
-@pytest.mark.parametrize(('fractions', 'start', 'words'), [
-    (LimitFractions(velocity=0.0), None, 'velocity_scale is 0'),
-    (LimitFractions(effort=1.5), None, 'effort_scale is 1.5'),
-    (LimitFractions(position_margin=0.5), None, 'position_margin is 0.5'),
-    (LimitFractions(acceleration=-1.0), None, 'acceleration is -1'),
-    (LimitFractions(effort=0.1), [1.5, 0.0], "'joint1' needs .* to hold the arm at the start"),
-    (LimitFractions(), [math.inf, 0.0], r'start\[0\] \(joint1\) is inf'),
-    (LimitFractions(), [0.0], 'start has 1 values, expected 2'),
+@pytest.mark.parametrize(('settings', 'words'), [
+    ({'velocity_scale': 0.0}, 'velocity_scale is 0'),
+    ({'effort_scale': 1.5}, 'effort_scale is 1.5'),
+    ({'position_margin': 0.5}, 'position_margin is 0.5'),
+    ({'acceleration': -1.0}, 'acceleration is -1'),
+    ({'effort_scale': 0.1, 'start': np.array([1.5, 0.0])},
+     "'joint1' needs .* to hold the arm at the start"),
+    ({'start': np.array([math.inf, 0.0])}, r'start\[0\] \(joint1\) is inf'),
+    ({'start': np.array([0.0])}, 'start has 1 values, expected 2'),
 ])
-def test_limits_that_make_no_sense_are_refused(dynamics, fractions, start, words):
+def test_limits_that_make_no_sense_are_refused(dynamics, settings, words):
     with pytest.raises(InvalidInputError, match=words):
-        motion_limits(dynamics, fractions, None if start is None else np.array(start))
+        motion_limits(dynamics, **settings)
 
 
 def test_a_start_that_leaves_no_room_is_refused():
     arm = load_arm(robot_urdf('ur10'))
     with pytest.raises(InvalidInputError, match="start of 'shoulder_pan_joint' is .* can move"):
-        motion_limits(ArmDynamics(arm), LimitFractions(), arm.limits.upper)
+        motion_limits(ArmDynamics(arm), arm.limits.upper)
 
 
 # ------------------------------------------------------------------------------ the file

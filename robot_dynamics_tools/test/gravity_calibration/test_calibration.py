@@ -15,6 +15,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics_tools.estimated_weights import estimated_weights
 from robot_dynamics_tools.gravity_calibration.calibration import calibrate_holds, ScaleReference
 from robot_dynamics_tools.gravity_calibration.tool_estimate import Tool
 from robots import arm_without_gripper
@@ -135,3 +136,10 @@ def test_what_cannot_be_calibrated_is_refused(change, message):
     with pytest.raises(InvalidInputError, match=message):
         calibrate_holds(arm, holds, holds if 'is_held' in change else (), change.get('weight'),
                         change.get('tool'))
+
+
+def test_few_residuals_widen_an_interval_as_student_and_meier_state():
+    share, freedom = np.array([[1.0, 0.5], [0.0, 0.5]]), np.array([4.0, 4.0])
+    factor, quantile = estimated_weights(share, freedom)
+    assert factor == pytest.approx([1.0, np.sqrt(1.5)])  # 1 + 4 (1/16 + 1/16)
+    assert quantile == pytest.approx([2.776, 2.306], abs=1e-3)  # of 4 and of 8 degrees of freedom

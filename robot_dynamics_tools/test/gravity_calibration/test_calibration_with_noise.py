@@ -6,7 +6,7 @@
 from calibration_bench import load_on, noisy_drives, poses_of
 import numpy as np
 import pytest
-from robot_dynamics.html_page import Grade
+from robot_dynamics.model_check.html_page import Grade
 from robot_dynamics_tools.gravity_calibration.calibration import calibrate_holds, Calibration
 from robot_dynamics_tools.gravity_calibration.report import joint_verdicts
 from robot_dynamics_tools.gravity_calibration.tool_estimate import Tool

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics_tools.gravity_calibration.holds import find_holds, Hold, pair_holds
-from robot_dynamics_tools.recordings.reader import JointSeries
+from robot_dynamics_tools.recordings.joint_series import JointSeries
 
 RATE = 100.0
 REVOLUTE = ('revolute',)

@@ -30,9 +30,10 @@ from robot_dynamics_tools.commands.calibrate_gravity import main
 from robot_dynamics_tools.gravity_motion.plan import MotionSettings, Move
 from robot_dynamics_tools.gravity_motion.poses import PoseChoice
 from robot_dynamics_tools.gravity_motion.session import MotionRequest, record_holds
-from robot_dynamics_tools.gravity_motion.watch import ArmWatch, RecordingClient
-from robot_dynamics_tools.recordings.reader import JointSeries, Recording
-from robot_dynamics_tools.ros2_dynamics.client import NoAnswerError
+from robot_dynamics_tools.gravity_motion.watch import ArmWatch
+from robot_dynamics_tools.recordings.joint_series import JointSeries
+from robot_dynamics_tools.recordings.reader import Recording
+from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.move import goal_publication
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
@@ -224,7 +225,7 @@ def test_a_node_that_does_not_follow_references_is_rejected(request_of, client):
 
 def test_states_that_stop_are_an_error(client):
     arm = load_arm(default_arm_urdf())
-    with RecordingClient('dynamics', TIMEOUT) as one:
+    with DynamicsClient('dynamics', TIMEOUT) as one:
         watch = ArmWatch(one, arm)
         with watch.following():
             watch.wait_ready()
@@ -241,7 +242,7 @@ def test_states_that_stop_are_an_error(client):
                 client.set_parameters('/simulated_arm', {'paused': False})
 
 
-class SlowClient(RecordingClient):
+class SlowClient(DynamicsClient):
     """It receives 50 messages a second: in lock-step, references of a second wait for it."""
 
     def on_turn(self) -> None:

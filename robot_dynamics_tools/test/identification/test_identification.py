@@ -36,10 +36,10 @@ from robot_dynamics_tools.identification.pipeline import base_parameters_of, ide
 from robot_dynamics_tools.identification.qr_information import merge
 from robot_dynamics_tools.identification.regression import (
     correlation_time,
+    model_effort,
     reduce_motion,
-    regression_rows,
 )
-from robot_dynamics_tools.identification.regularized_fit import without_memory
+from robot_dynamics_tools.identification.regularized_fit import Problem
 from robot_dynamics_tools.identification.uncertainty import estimate_parameters
 from robots import robot_urdf
 
@@ -57,8 +57,8 @@ def true_values(arm):
 
 def estimate(*motions, reference=None):
     return estimate_parameters(
-        merge([reduce_motion(ARM, motion, 1.0, reference) for motion in motions]), BASE, PRIOR,
-        [SIGMOID] * 2)
+        merge([reduce_motion(ARM, motion, 1.0, reference) for motion in motions]), BASE,
+        Problem((SIGMOID, SIGMOID), np.ones(2), PRIOR, 1.0))
 
 
 @pytest.fixture(scope='module')
@@ -110,15 +110,14 @@ def test_the_whole_way_predicts_new_samples(planar, found):
 def test_the_library_computes_what_was_reported(planar, found):
     motion = recorded(ARM, *planar[:2], noise=0.2)
     fit = found.models.consistent
-    rows = regression_rows(ARM, motion, fit)
     dynamics = ArmDynamics(arm_from_parameters(
         fitted_urdf(default_arm_urdf(), ARM, fit), parameter_values(ARM, fit)))
     q, v, a = motion.position, motion.velocity, motion.acceleration
     load = dynamics.rigid_body.inverse_dynamics_batch(q, v, a)
     along = load + dynamics.friction_along(q, v, load)
-    assert along == pytest.approx(rows.model(fit), rel=1e-8, abs=1e-7)
     single = dynamics.inverse_dynamics_batch(q, v, a)
-    assert single == pytest.approx(rows.model(without_memory(fit)), rel=1e-8, abs=1e-7)
+    for computed, reported in zip((along, single), model_effort(ARM, motion, fit)):
+        assert computed == pytest.approx(reported, rel=1e-8, abs=1e-7)
 
 
 def test_drives_stay_in_the_parameters(found):

@@ -7,8 +7,8 @@ from arm_motions import fourier_motion
 from identification_bench import rigid_effort, series_of
 import numpy as np
 import pytest
-from robot_dynamics.html_page import Grade
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model_check.html_page import Grade
 from robot_dynamics_tools.analysis.motion_filter import filter_motion
 from robot_dynamics_tools.identification.page import in_other_poses, joint_verdict, joint_verdicts
 from robot_dynamics_tools.identification.pipeline import identify

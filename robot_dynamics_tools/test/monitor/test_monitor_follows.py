@@ -14,11 +14,13 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from disturbances import set_payload
 from geometry_msgs.msg import Quaternion
 from held_robot import HeldRobot
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 import numpy as np
 import pytest
 from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.ros.parameters.declared_parameters import OF_TOOLS
 from robot_dynamics_interfaces.srv import EstimatePayload
 from robot_dynamics_tools.monitor.parameters import SPECS
@@ -93,7 +95,7 @@ def test_gravity_of_the_imu_is_that_of_the_monitor_too(client):
     effort = ArmDynamics(ARM.with_gravity(gravity)).rigid_body.gravity(np.array(START))
     with running(
             NodeProcess(DYNAMICS, {
-                **UNHURRIED, 'joints': NAMES, 'gravity_from_imu': True,
+                **UNHURRIED, 'joints': NAMES, 'imu_rpy': [0.0, 0.0, 0.0],
                 'external_effort_bandwidth': 50.0}, namespace='/tilted'),
             NodeProcess(MONITOR, namespace='/tilted')):
         robot = HeldRobot(client, '/tilted', True, position=START, effort=effort.tolist())
@@ -123,6 +125,27 @@ def test_it_waits_for_its_node_and_takes_another_one_that_replaces_it(client):
                 node_name='model'):
             late.wait_for_log(r"Model 'planar_arm': joints \['joint2'\]", LONG)
     client.forget('/late')
+
+
+def test_a_description_that_dynamics_holds_back_is_not_used_yet(client):
+    """Both nodes take it when the command has ended."""
+    described, node = '/kept', '/kept/dynamics'
+    process = NodeProcess(DYNAMICS, {
+        **UNHURRIED, 'joints': NAMES, 'external_effort_bandwidth': 50.0}, namespace=described)
+    with client.describing(described) as describe, running(process), \
+            NodeProcess(MONITOR, namespace=described) as monitor:
+        describe(default_arm_urdf())
+        robot = HeldRobot(client, described, True, position=START, effort=G.tolist())
+        external(client, robot, [0.0, 0.0], node=f'{described}/dynamics_monitor')
+        describe(planar_arm_urdf(
+            [5.0, 6.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], name='other_arm'))
+        process.wait_for_log('Kept the model in use while commanding', LONG)
+        external(client, robot, [0.0, 0.0], node=f'{described}/dynamics_monitor')
+        assert "Model 'other_arm'" not in monitor.log
+        assert client.call(ChangeState, f'{node}/change_state', ChangeState.Request(
+            transition=Transition(id=Transition.TRANSITION_DEACTIVATE))).success
+        monitor.wait_for_log("Model 'other_arm'", LONG)
+        assert "Model 'other_arm'" in process.log
 
 
 def test_an_unknown_link_and_a_model_that_is_not_here_are_reported(client):

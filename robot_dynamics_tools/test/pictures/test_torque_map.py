@@ -9,8 +9,8 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 from report_page import ReportPage
-from robot_dynamics.html_page import Grade
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model_check.html_page import Grade
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_tools.commands.torque_map import main
 from robot_dynamics_tools.pictures.map_report import panel_verdict

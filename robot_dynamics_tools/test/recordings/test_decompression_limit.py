@@ -10,13 +10,13 @@ import children
 from fault_table import fault
 import pytest
 from recordings import START_NS, stored_file, write_recording
-from robot_dynamics_tools.recordings import compression
-from robot_dynamics_tools.recordings.compression import (
+from robot_dynamics_tools.recordings import storage
+from robot_dynamics_tools.recordings.reader import Recording
+from robot_dynamics_tools.recordings.storage import (
     Budget,
     DecompressionLimitError,
     zstd_module,
 )
-from robot_dynamics_tools.recordings.reader import Recording
 
 COMPRESSED = ('mcap_chunk', 'mcap_message', 'mcap_file', 'sqlite3_message', 'sqlite3_file')
 LIMIT = 1_000_000
@@ -25,7 +25,7 @@ TOPIC = '/joint_states'
 
 @pytest.fixture
 def _low_limit(monkeypatch):
-    monkeypatch.setattr(compression, 'LEAST_LIMIT', LIMIT)
+    monkeypatch.setattr(storage, 'LEAST_LIMIT', LIMIT)
 
 
 def expanding(path, form, size=10 * LIMIT):

@@ -12,14 +12,11 @@ import numpy as np
 import pytest
 from recordings import serialized
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics_tools.recordings.message_encoding import joint_state_messages
-from robot_dynamics_tools.recordings.reader import (
-    JOINT_STATE,
-    JointSeries,
-    Recording,
-    RecordingWriter,
-    TopicQos,
-)
+from robot_dynamics_tools.recordings.joint_series import JointSeries
+from robot_dynamics_tools.recordings.messages import joint_state_messages
+from robot_dynamics_tools.recordings.reader import Recording
+from robot_dynamics_tools.recordings.topics import JOINT_STATE, TopicQos
+from robot_dynamics_tools.recordings.writer import RecordingWriter
 
 pytest.importorskip('rosbags')
 from rosbags.highlevel import AnyReader  # noqa: E402

@@ -5,6 +5,7 @@
 
 import itertools
 import sys
+from types import SimpleNamespace
 
 import children
 import numpy as np
@@ -15,14 +16,20 @@ from robot_dynamics_tools.reporting import figures
 pytest.importorskip('matplotlib')
 
 TIMES = np.linspace(0.0, 2.0, 5001)
+ONE = SimpleNamespace(joint_names=('a',), joint_kinds=('revolute',))
+TWO = SimpleNamespace(joint_names=('turn', 'slide'), joint_kinds=('revolute', 'prismatic'))
+"""Joints of an arm."""
 WAVES = np.column_stack([np.sin(3.0 * TIMES), 0.1 * np.cos(3.0 * TIMES)])
 
 
 @pytest.fixture
 def figure():
-    return figures.joint_figure('two joints', ('turn', 'slide'), ('revolute', 'prismatic'), (
-        figures.position_panel(TIMES, WAVES, WAVES + 0.01),
-        figures.error_panel(TIMES, 0.001 * WAVES),
+    return figures.joint_figure('two joints', TWO, (
+        figures.Panel(
+            'Position', 'position', TIMES, {'reference': WAVES, 'measured': WAVES + 0.01},
+            ('rad', 'm')),
+        figures.Panel(
+            'Tracking error', 'error', TIMES, {'error': 0.001 * WAVES}, ('mrad', 'mm'), 1e3),
         figures.effort_panel('Effort', TIMES, {'gravity': WAVES, 'effort': 2.0 * WAVES})))
 
 
@@ -36,7 +43,7 @@ def test_every_axis_has_its_unit(figure):
 
 def test_a_boundary_in_time_is_drawn_and_named_in_every_field():
     figure = figures.joint_figure(
-        'two joints', ('turn', 'slide'), ('revolute', 'prismatic'),
+        'two joints', TWO,
         [figures.effort_panel('Effort', TIMES, {'effort': WAVES})],
         figures.TimeBoundary(1.5, 'training', 'test'))
     for axes in figure.axes:
@@ -93,7 +100,7 @@ def test_colours_of_lines_differ_with_any_kind_of_colour_vision(vision):
 
 def test_values_of_zero_are_drawn_on_a_finite_axis():
     zeros = np.zeros((3, 1))
-    figure = figures.joint_figure('still', ('a',), ('revolute',), (
+    figure = figures.joint_figure('still', ONE, (
         figures.effort_panel('Effort', np.arange(3.0), {'effort': zeros}),))
     assert figure.axes[0].get_ylim() == (-1.0, 1.0)
 
@@ -101,7 +108,7 @@ def test_values_of_zero_are_drawn_on_a_finite_axis():
 def test_without_matplotlib_it_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, 'matplotlib', None)  # Python's mark of a missing module
     with pytest.raises(MissingDependencyError, match='matplotlib'):
-        figures.joint_figure('x', ('a',), ('revolute',), (figures.error_panel(TIMES, WAVES),))
+        figures.joint_figure('x', ONE, (figures.effort_panel('Effort', TIMES, {'effort': WAVES}),))
 
 
 def test_neither_matplotlib_nor_ros_is_loaded_by_the_import():

@@ -6,19 +6,22 @@
 from pathlib import Path
 import re
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from report_page import ReportPage
-from robot_dynamics.html_page import command_line, Grade, Origin, Page, Verdict
+from robot_dynamics.model_check.html_page import command_line, Grade, Origin, Page, Verdict
 from robot_dynamics_tools.reporting.figures import effort_panel, TimeBoundary
-from robot_dynamics_tools.reporting.interactive import zoomable_figures
+from robot_dynamics_tools.reporting.interactive import add_time_figures
 
 VERDICTS = [
     Verdict('joint1', Grade.GOOD, 'residual 3 % < 10 %', 'use the model'),
     Verdict('joint2', Grade.BAD, 'friction dominates', 'run `identify`')]
 COMMAND = command_line('identify', ['my bag', '--urdf', 'a.urdf'])
 ORIGIN = Origin('/robots/arm & hand.urdf', COMMAND, '1.2.3')
+TWO = SimpleNamespace(joint_names=('turn', 'slide'), joint_kinds=('revolute', 'prismatic'))
+"""Joints of an arm."""
 TIMES = np.linspace(0.0, 2.0, 201)
 PANEL = effort_panel('Measured and model', TIMES, {
     'measured': np.column_stack([np.sin(TIMES), np.cos(TIMES)]),
@@ -41,18 +44,23 @@ def test_a_report_begins_with_the_verdicts_then_names_its_origin():
 
 
 def figures():
-    return zoomable_figures(
-        ('turn', 'slide'), ('revolute', 'prismatic'), [PANEL], TimeBoundary(1.0, 'left', 'right'),
-        b'\x89PNG', 'what')
+    """Return the scripts of a page, and its figures; check that the static one is returned."""
+    page = Page('An arm', VERDICTS, 'Rule: 10 %.', ORIGIN)
+    before = len(page._body)
+    static = add_time_figures(
+        page, TWO, 'title', [PANEL], 'what', TimeBoundary(1.0, 'left', 'right'))
+    assert static.startswith(b'\x89PNG')
+    added, = page._body[before:]
+    return page._scripts, added
 
 
 def test_without_bokeh_the_static_figure_remains_with_the_command(monkeypatch):
     monkeypatch.setitem(sys.modules, 'bokeh', None)
-    found = figures()
-    assert found.head == ''
-    assert found.figures.startswith('<div class="static wide"><img alt="what"')
-    assert 'install bokeh' in found.figures
-    assert sys.executable not in found.figures  # no report contains a path of its machine
+    head, added = figures()
+    assert head == ''
+    assert added.startswith('<div class="static wide"><img alt="what"')
+    assert 'install bokeh' in added
+    assert sys.executable not in added  # no report contains a path of its machine
 
 
 def test_the_plain_setup_installs_what_reports_zoom_with():
@@ -62,12 +70,12 @@ def test_the_plain_setup_installs_what_reports_zoom_with():
 
 def test_the_figures_contain_their_script_units_and_boundary():
     pytest.importorskip('bokeh', reason='needs the extra report')
-    found = figures()
-    page = ReportPage(f'<html><head>{found.head}</head><body>{found.figures}</body></html>')
+    head, added = figures()
+    page = ReportPage(f'<html><head>{head}</head><body>{added}</body></html>')
     assert page.is_complete
-    assert 500_000 < len(found.head) < 2_000_000
-    assert '<img alt="what"' in found.figures
-    texts = re.sub(r'\\+u00b7', '·', found.figures)
+    assert 500_000 < len(head) < 2_000_000
+    assert '<img alt="what"' in added
+    texts = re.sub(r'\\+u00b7', '·', added)
     for words in ('effort [N·m]', 'effort [N]', 'slide', 'turn: Measured and model', 'left',
                   'right', 'time [s]'):
         assert words in texts

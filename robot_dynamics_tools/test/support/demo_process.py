@@ -20,7 +20,7 @@ def start_demo(directory, *arguments, shares_domain=False):
         name: value for name, value in os.environ.items()
         if name != 'ROS_DOMAIN_ID' or shares_domain}
     return children.popen(
-        [sys.executable, '-m', 'robot_dynamics_tools.demo', *map(str, arguments)],
+        [sys.executable, '-m', 'robot_dynamics_tools', 'demo', *map(str, arguments)],
         cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE, text=True)
 
@@ -46,7 +46,8 @@ def nodes_of(process):
     """Return the processes that the demo has started, by the name of their program."""
     pids = Path(f'/proc/{process.pid}/task/{process.pid}/children').read_text().split()
     commands = {int(pid): Path(f'/proc/{pid}/cmdline').read_text().split('\0') for pid in pids}
-    return {words[2].split('.')[-2]: pid for pid, words in commands.items() if len(words) > 2}
+    return {words[2].split('.')[-2]: pid for pid, words in commands.items()
+            if len(words) > 2 and '.' in words[2]}  # a fork is still the demo
 
 
 def relative_residuals(out):

@@ -10,7 +10,7 @@ from robot_dynamics.model import ArmModel, RigidBody
 from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics_tools.analysis.motion_filter import filter_motion, FilteredMotion
-from robot_dynamics_tools.recordings.reader import JointSeries
+from robot_dynamics_tools.recordings.joint_series import JointSeries
 
 ROTORS = np.array([0.3, 0.1])
 F_V, F_A, F_B = np.array([1.0, 0.5]), np.array([2.0, 1.0]), np.array([0.2, -0.1])

@@ -11,8 +11,8 @@ import pytest
 from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics_tools.recordings.message_encoding import joint_state_messages
-from robot_dynamics_tools.recordings.reader import JOINT_STATE
+from robot_dynamics_tools.recordings.messages import joint_state_messages
+from robot_dynamics_tools.recordings.topics import JOINT_STATE
 
 RATE = 100.0
 START_NS = 1_700_000_000_000_000_000
@@ -76,12 +76,9 @@ class KnownMotion:
 
     def loop_topics(self):
         """Return the messages of a closed loop of this motion, by topic."""
-        gravity = ArmDynamics(self.arm).rigid_body.gravity
-        held = np.array([gravity(q) for q in self.q])
         return {
             '/joint_states': self.messages(),
-            '/effort_command': encoded(self.stamps_ns, self.names, effort=self.tau),
-            '/dynamics/gravity_compensation': encoded(self.stamps_ns, self.names, effort=held)}
+            '/effort_command': encoded(self.stamps_ns, self.names, effort=self.tau)}
 
 
 def encoded(stamps_ns, names, position=None, velocity=None, effort=None):

@@ -14,7 +14,7 @@ from robots import robot_urdf
 import viser
 from websockets.sync.client import ClientConnection, connect
 
-VIEWER = 'robot_dynamics_tools.viewer'
+TOOLS = 'robot_dynamics_tools'
 TESTED_TOKEN = 'a-token-of-the-tests'
 PROTOCOL = f'viser-v{viser.__version__}'
 ONE_JOINT = """

@@ -17,7 +17,7 @@ from ros_harness import NodeProcess, TIMEOUT
 
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
-from viewer_bench import PROTOCOL, VIEWER
+from viewer_bench import PROTOCOL, TOOLS
 from websockets.sync.client import connect
 
 OPEN = re.compile(AT)
@@ -30,7 +30,7 @@ def run(*arguments, without=()):
     """Run the command to its end, as if some libraries were not installed."""
     script = (
         f'import sys; sys.modules.update(dict.fromkeys({list(without)!r}))\n'
-        f'from {VIEWER}.cli import main; sys.exit(main({list(arguments)!r}))')
+        f'from {TOOLS}.viewer.cli import main; sys.exit(main({list(arguments)!r}))')
     return children.run(
         [sys.executable, '-c', script], capture_output=True, text=True, stdin=subprocess.DEVNULL,
         timeout=3 * TIMEOUT)
@@ -75,8 +75,8 @@ def test_a_value_that_cannot_be_used_is_one_line(option, value, words, monkeypat
 
 def test_a_signal_ends_it_in_order_while_a_page_is_open():
     """SIGTERM; the next test ends it by SIGINT."""
-    arguments = ('--port', '0')
-    with NodeProcess(VIEWER, namespace='/ended', arguments=arguments, ready=OPEN) as viewer:
+    arguments = ('viewer', '--port', '0')
+    with NodeProcess(TOOLS, namespace='/ended', arguments=arguments, ready=OPEN) as viewer:
         address = re.search(r'http(://\S+)', viewer.wait_for_log(OPEN))[1]
         with connect(f'ws{address}', subprotocols=[PROTOCOL], max_size=None) as page:
             page.recv(TIMEOUT)
@@ -87,8 +87,8 @@ def test_a_signal_ends_it_in_order_while_a_page_is_open():
 
 def test_beyond_this_computer_there_is_a_warning_on_stderr():
     only_errors = ('sh', '-c', 'exec "$@" >/dev/null', 'sh')
-    arguments = ('--port', '0', '--host', '0.0.0.0')
-    with NodeProcess(VIEWER, namespace='/ended', arguments=arguments, prefix=only_errors,
+    arguments = ('viewer', '--port', '0', '--host', '0.0.0.0')
+    with NodeProcess(TOOLS, namespace='/ended', arguments=arguments, prefix=only_errors,
                      ready=re.compile('other computers can reach this page')) as viewer:
         pass
     assert viewer.log.count('\n') == 1

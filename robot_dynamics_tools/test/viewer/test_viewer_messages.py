@@ -14,7 +14,7 @@ import pinocchio as pin
 import pytest
 from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.references.follower import TrajectoryFollower
+from robot_dynamics.references.reference_generator import ReferenceGenerator
 from robot_dynamics.ros.middleware.conversions import payload_from_ros, trajectory_from_ros
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from robots import must_have_everything
@@ -24,7 +24,7 @@ from sensor_msgs.msg import JointState
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
     pytest.importorskip('trimesh', reason='the viewer needs trimesh')
-from robot_dynamics_tools.viewer import requests
+from robot_dynamics_tools.viewer import actions
 from robot_dynamics_tools.viewer.app import values_of
 from robot_dynamics_tools.viewer.node import worst_words
 from viewer_bench import arm_called, one_joint
@@ -36,7 +36,7 @@ RISE_TIME, SHORTEST_MOTION = 0.25, 0.5
 
 def check_motion_time(arm, fastest, q, goal, speed):
     """Check on the motion that no joint is too fast, and that the motion is not slower."""
-    T = requests.motion_time(arm, q, goal, speed)
+    T = actions.motion_time(arm, q, goal, speed)
     turns = np.array(arm.joint_kinds) == 'continuous'  # dynamics takes the shorter direction
     goal = np.where(turns, q + wrap_to_pi(goal - q), goal)
     p0, p1 = quintic_point_to_point(arm.joint_names, q, goal, T).points
@@ -73,13 +73,13 @@ def test_joints_without_a_limit_have_a_moderate_speed(way):
 def test_a_reference_arrives_at_rest_and_stays():
     arm, seconds = arm_called('panda'), 1.2345678901
     q, goal = np.linspace(-0.3, 0.3, arm.joint_count), np.linspace(0.7, -0.5, arm.joint_count)
-    message = requests.reference_to(arm, goal, seconds, 'me')
+    message = actions.reference_to(arm, goal, seconds, 'me')
     assert (message.header.frame_id, message.header.stamp) == ('me', Time())  # starts immediately
     first, second = (point.time_from_start.sec for point in message.points)
     assert second - first == 3600  # [s] that it holds the goal
     trajectory = trajectory_from_ros(message, arm.joint_names)
     assert not trajectory.is_set_point
-    follower = TrajectoryFollower(arm.joint_names)
+    follower = ReferenceGenerator(arm.joint_names)
     follower.start(trajectory, 7 * SECOND, q, np.zeros(arm.joint_count))
     for later in (0.0, 1.0, 1800.0, 7200.0):
         reference = follower.sample(7 * SECOND + round((seconds + later) * SECOND))
@@ -91,7 +91,7 @@ def test_a_reference_arrives_at_rest_and_stays():
 @given(st.floats(1e-3, 1e3))
 def test_a_load_is_a_ball_that_is_accepted(mass):
     arm = arm_called('default')
-    payload = payload_from_ros(arm, requests.ball('tool0', mass))
+    payload = payload_from_ros(arm, actions.ball('tool0', mass))
     assert (payload.link, payload.mass, *payload.com) == ('tool0', mass, 0.0, 0.0, 0.0)
     radius = np.sqrt(payload.inertia[0, 0] / (0.4 * mass))
     npt.assert_allclose(payload.inertia, 0.4 * mass * radius**2 * np.eye(3), atol=1e-15)
@@ -99,16 +99,16 @@ def test_a_load_is_a_ball_that_is_accepted(mass):
 
 
 def test_no_mass_clears_a_load_and_a_strange_one_is_refused():
-    assert payload_from_ros(arm_called('default'), requests.ball('tool0', 0.0)) is None
+    assert payload_from_ros(arm_called('default'), actions.ball('tool0', 0.0)) is None
     with pytest.raises(InvalidInputError, match='payload'):
-        requests.ball('tool0', float('nan'))
+        actions.ball('tool0', float('nan'))
 
 
 @settings(deadline=None, derandomize=True)
 @given(*2 * [st.tuples(*3 * [st.floats(-200.0, 200.0)])])
 def test_a_push_is_the_same_force_whatever_the_link_is_turned_by(turn, force):
     R = pin.exp3(np.array(turn))
-    message = requests.force_on('hand', np.array(force), R)
+    message = actions.force_on('hand', np.array(force), R)
     f = message.wrench.force
     assert message.header.frame_id == 'hand'
     npt.assert_allclose(R @ [f.x, f.y, f.z], force, atol=1e-9)

@@ -23,8 +23,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
-from robot_dynamics_tools.viewer import framing
-from robot_dynamics_tools.viewer.framing import Cameras
+from robot_dynamics_tools.viewer import views
 from robot_dynamics_tools.viewer.panel import ArmPanel
 from robot_dynamics_tools.viewer.scene import ArmScene
 from robot_dynamics_tools.viewer.server import address_of
@@ -48,7 +47,7 @@ def wait_for_position(states, joint, value, tolerance=0.01):
 @pytest.fixture(scope='module')
 def page_of_scene(browser, server, tmp_path_factory):
     """Yield a page, a function that moves the arm, and the camera of the page."""
-    arm, cameras = load_arm(default_arm_urdf()), Cameras(server)
+    arm, cameras = load_arm(default_arm_urdf()), views.Cameras(server)
     with closing(ArmScene(
             server, arm, default_arm_urdf(), tmp_path_factory.mktemp('none'))) as scene, \
             closing(ArmPanel(server.gui, arm, lambda do: do())):
@@ -67,7 +66,7 @@ def page_of_scene(browser, server, tmp_path_factory):
 
 
 def test_the_camera_comes_closer_again(page_of_scene, monkeypatch):
-    monkeypatch.setattr(framing, 'PATIENCE', 0.5)
+    monkeypatch.setattr(views, 'PATIENCE', 0.5)
     _, move, camera = page_of_scene
     near = float(np.linalg.norm(camera.position))
     move(0.0, 0.0, size=3.0)

@@ -8,12 +8,11 @@ A goal is always accepted, and an invalid one is aborted at once: only a result 
 reason. An invalid goal does not disturb the motion.
 """
 
-from collections.abc import Callable, Generator
-from dataclasses import replace
+from collections.abc import Generator
 import math
 import threading
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
@@ -23,17 +22,14 @@ from rclpy.task import Future
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.trajectory_goal import (
-    ERASED,
     GoalFeedback,
     ResultCode,
-    Tolerances,
     TrajectoryGoal,
-    with_given,
 )
 from robot_dynamics.exceptions import InvalidInputError, JointNamesError, PastTrajectoryError
 from robot_dynamics.ros.dynamics.control_path import ControlPath
+from robot_dynamics.ros.dynamics.goals.tolerances import tolerances_of
 from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
-from robot_dynamics.ros.dynamics.parameters import goal_tolerances
 from robot_dynamics.ros.middleware.answer_delivery import (
     LONGEST_WAIT,
     request_writers,
@@ -47,7 +43,6 @@ from robot_dynamics.ros.middleware.conversions import (
 )
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
-from robot_dynamics.ros.parameters.declared_parameters import Values
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 FEEDBACK_PERIOD = 0.05
@@ -66,16 +61,24 @@ def action_type() -> Any:
     return FollowJointTrajectory
 
 
+class _Running(NamedTuple):
+    """A goal that is executed, by the loop that has accepted it."""
+
+    handle: ServerGoalHandle
+    loop: ControlLoop
+    goal: TrajectoryGoal
+    done: Future
+
+
 class FollowJointTrajectoryServer:
     """Offers the action on a node, if `control_msgs` is installed."""
 
     def __init__(
         self, node: GuardedCallbacks, path: ControlPath, accepted: TrajectoryInput,
-        values: Callable[[], Values],
     ) -> None:
-        """Count goals in `accepted`; `values` returns the parameters of the node."""
-        self._node, self._path, self._input, self._values = node, path, accepted, values
-        self._running: list[tuple[ServerGoalHandle, TrajectoryGoal, Future]] = []
+        """Count goals in `accepted`."""
+        self._node, self._path, self._input = node, path, accepted
+        self._running: list[_Running] = []
         self._open, self._ended_at = dict[int, object](), -math.inf
         """Of each open request its epoch (`GoalExecution`), by its identity."""
         self._turns = 0
@@ -161,14 +164,14 @@ class FollowJointTrajectoryServer:
             handle.canceled()
             return self._result(ResultCode.INVALID_GOAL, 'cancelled before its start')
         try:
-            goal = self._start(handle.request)
+            loop, goal = self._start(handle.request)
         except Exception as error:
             self._input.refuse(error)
             handle.abort()
             return self._result(_code_of(error), describe_error(error))
         done = Future()
         with self._lock:
-            self._running.append((handle, goal, done))
+            self._running.append(_Running(handle, loop, goal, done))
         if goal.result is not None:
             self._ended.trigger()
         await done
@@ -185,11 +188,11 @@ class FollowJointTrajectoryServer:
             f'{result.message}')
         return self._result(result.code, result.message)
 
-    def _start(self, request: Any) -> TrajectoryGoal:
-        loop = self._path.loop
-        if loop is None:
+    def _start(self, request: Any) -> tuple[ControlLoop, TrajectoryGoal]:
+        served = self._path.served
+        if served is None:
             raise InvalidInputError('no model yet: no trajectory can be followed')
-        names = loop.controller.arm.joint_names
+        loop, names = served.loop, served.arm.joint_names
         for field in ('multi_dof_trajectory.joint_names', 'component_path_tolerance',
                       'component_goal_tolerance'):
             values = request
@@ -200,24 +203,25 @@ class FollowJointTrajectoryServer:
                     f'{field} has {len(values)} entries, expected none: each joint of an arm has '
                     'one degree of freedom')
         trajectory = trajectory_from_ros(request.trajectory, names)
-        tolerances = _tolerances(request, loop, self._values())
+        tolerances = tolerances_of(request, served.arm, served.values)
         goal = loop.goals.execute(
             trajectory, stamp_from_ros(request.trajectory.header.stamp), tolerances,
             self._ended.trigger, self._open[id(request)])
         self._input.accept(loop, trajectory)
-        return goal
+        return loop, goal
 
     def _look(self) -> None:
         """Stop for goals that are cancelled, and report the goals that have ended."""
-        loop, waiting = self._path.loop, []
+        waiting = []
         with self._lock:
-            for handle, goal, done in self._running:
+            for one in self._running:
+                handle, loop, goal, done = one
                 if goal.result is not None and not (
                         goal.result.is_canceled and not handle.is_cancel_requested):
                     done.set_result(None)
                     continue
-                waiting.append((handle, goal, done))
-                if handle.is_cancel_requested and loop is not None:
+                waiting.append(one)
+                if handle.is_cancel_requested:
                     loop.goals.cancel(goal)
             self._running = waiting
             if not self._open:
@@ -225,16 +229,13 @@ class FollowJointTrajectoryServer:
 
     def _publish_feedback(self) -> None:
         self._look()
-        for handle, goal, _ in list(self._running):
+        for handle, loop, goal, _ in list(self._running):
             if goal.progress is not None:
-                handle.publish_feedback(self._as_feedback(goal.progress))
+                handle.publish_feedback(self._as_feedback(loop, goal.progress))
 
-    def _as_feedback(self, progress: GoalFeedback) -> Any:
-        message, loop = self._type.Feedback(), self._path.loop
-        if loop is None:
-            return message
+    def _as_feedback(self, loop: ControlLoop, progress: GoalFeedback) -> Any:
+        message, controller = self._type.Feedback(), loop.controller
         q, desired = progress.position, progress.desired
-        controller = loop.controller
         message.header.stamp = stamp_to_ros(progress.stamp_ns)
         message.joint_names = list(controller.arm.joint_names)
         message.desired = _point(*desired)
@@ -245,7 +246,8 @@ class FollowJointTrajectoryServer:
         return message
 
     def _result(self, code: ResultCode, message: str) -> Any:
-        return self._type.Result(error_code=int(code), error_string=message)
+        result = self._type.Result
+        return result(error_code=getattr(result, code.name), error_string=message)
 
 
 def _point(
@@ -262,42 +264,6 @@ def _code_of(error: Exception) -> ResultCode:
     if isinstance(error, PastTrajectoryError):
         return ResultCode.OLD_HEADER_TIMESTAMP
     return ResultCode.INVALID_GOAL
-
-
-def _tolerances(request: Any, loop: ControlLoop, values: Values) -> Tolerances:
-    """Return the tolerances of a goal, by default those of the parameters."""
-    arm = loop.controller.arm
-    names = arm.joint_names
-    defaults = goal_tolerances(values, arm)
-    for field in ('path_tolerance', 'goal_tolerance'):
-        for one in getattr(request, field):
-            if one.acceleration not in (0.0, ERASED):
-                raise InvalidInputError(
-                    f'{field} of {one.name!r} has the acceleration {one.acceleration:g}, '
-                    'expected 0 or -1: accelerations are not measured')
-    goal_time = stamp_from_ros(request.goal_time_tolerance)
-
-    def given(field: str, quantity: str, default: FloatArray) -> FloatArray:
-        return with_given(f'{field}.{quantity}', {
-            one.name: getattr(one, quantity) for one in getattr(request, field)}, default, names)
-
-    return replace(
-        defaults,
-        path=given('path_tolerance', 'position', defaults.path),
-        path_velocity=given('path_tolerance', 'velocity', defaults.path_velocity),
-        goal=given('goal_tolerance', 'position', defaults.goal),
-        goal_velocity=given('goal_tolerance', 'velocity', defaults.goal_velocity),
-        goal_time=_goal_time(1e-9 * goal_time, defaults.goal_time))
-
-
-def _goal_time(given: float, default: float) -> float:
-    if given == ERASED:
-        return math.inf
-    if given < 0.0:
-        raise InvalidInputError(
-            f'goal_time_tolerance is {given:g} s, expected a time above 0, 0 for the default, or '
-            '-1 for any time')
-    return given or default
 
 
 class _Turn:

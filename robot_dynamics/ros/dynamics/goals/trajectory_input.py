@@ -1,18 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The trajectories and poses that `dynamics` receives, and the status `reference`."""
+"""The trajectories and set-points that `dynamics` receives, and the status `reference`."""
 
 from collections.abc import Callable, Mapping
 import math
 import re
 import time
 
-from geometry_msgs.msg import PoseStamped
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.gains.rest_stiffness import rest_stiffness
 from robot_dynamics.control.loop import ControlLoop, STOPPED
-from robot_dynamics.control.pose_reference import pose_set_point
 from robot_dynamics.control.shortfall import shortfall
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.joints.units import units_of
@@ -29,14 +28,18 @@ from robot_dynamics.ros.middleware.diagnostics import (
 )
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
-from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.validation import check_named
+from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
+NEWEST_ONLY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Matches publishers of joint states, reliable or not; older messages are of no use."""
 _NUMBER = re.compile(r'-?\d+(\.\d+)?(e[-+]\d+)?')
 
 
 class TrajectoryInput:
-    """Passes ~/joint_trajectory, and ~/pose_reference as set-points, to the loop of a path."""
+    """Passes ~/joint_trajectory and ~/set_point to the loop of a path."""
 
     def __init__(self, node: GuardedCallbacks, path: ControlPath) -> None:
         """Subscribe on a node."""
@@ -51,7 +54,7 @@ class TrajectoryInput:
         node.create_subscription(
             JointTrajectoryMsg, '~/joint_trajectory', self.take, 10, refuse=self.refuse)
         node.create_subscription(
-            PoseStamped, '~/pose_reference', self._take_pose, 1, refuse=self.refuse)
+            JointState, '~/set_point', self._take_set_point, NEWEST_ONLY, refuse=self.refuse)
 
     def stop(self) -> None:
         """Reject the messages that have been received until now and are not yet taken."""
@@ -62,11 +65,14 @@ class TrajectoryInput:
         self.follow('trajectory', lambda controller: trajectory_from_ros(
             message, controller.arm.joint_names), info, stamp_from_ros(message.header.stamp))
 
-    def _take_pose(self, message: PoseStamped, info: Mapping[str, int]) -> None:
-        p, turn = message.pose.position, message.pose.orientation
-        self.follow('pose', lambda controller: pose_set_point(
-            controller, message.header.frame_id, [p.x, p.y, p.z],
-            [turn.x, turn.y, turn.z, turn.w]), info)
+    def _take_set_point(self, message: JointState, info: Mapping[str, int]) -> None:
+        def read(controller: Controller) -> JointTrajectory:
+            joints, names, v = controller.arm.joint_names, message.name, message.velocity
+            return make_trajectory(
+                joints, [0.0], [check_named('position', message.position, names, joints)],
+                [check_named('velocity', v, names, joints)] if len(v) else [], [], joints)
+
+        self.follow('set-point', read, info)
 
     def follow(
         self, kind: str, read: Callable[[Controller], JointTrajectory], info: Mapping[str, int],
@@ -95,11 +101,14 @@ class TrajectoryInput:
         self._goal = trajectory.points[-1].position.tolist()
         if loop.goals.stream.deadline == math.inf:
             self._reported = self._accepted
+            self._path.when_changed()
 
     def refuse(self, error: Exception) -> None:
         """Count a goal that is rejected, and log the reason."""
         before, self.refusal = self.refusal, describe_error(error)
         self._refused += 1
+        if not before:
+            self._path.when_changed()
         words = f'Rejected a joint trajectory: {self.refusal}'
         if _NUMBER.sub('', self.refusal) == _NUMBER.sub('', before):  # of the same stream
             self._node.get_logger().error(words, throttle_duration_sec=LOG_PERIOD)

@@ -1,0 +1,61 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The verbs of `ros2 dynamics` that are tools: they need no node, and start without ROS."""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import NamedTuple
+
+
+class Tool(NamedTuple):
+    """A tool: its help in a line, its module in this package, and the function to call."""
+
+    help: str
+    module: str
+    function: str = 'main'
+
+
+TOOLS: Mapping[str, Tool] = {
+    'analyze': Tool('Compare recorded efforts with those of the model', 'commands.analyze'),
+    'animate': Tool('Animate a planar arm, or a recording of one', 'commands.animate'),
+    'calibrate_gravity': Tool(
+        'Calibrate effort scale and offset from static holds', 'commands.calibrate_gravity'),
+    'demo': Tool('Close the loop with simulated_arm, record it, and report', 'demo.cli'),
+    'estimate_payload': Tool(
+        'Estimate what is attached to a link from recordings', 'commands.estimate_payload'),
+    'excite': Tool('Find a motion that excites all parameters', 'commands.excite'),
+    'export_mjcf': Tool('Write the arm as MJCF of MuJoCo', 'commands.export_mjcf'),
+    'identify': Tool('Identify the parameters of an arm from recordings', 'commands.identify'),
+    'learn_contact_levels': Tool(
+        'Learn the levels of ~/contacts from recordings without contact',
+        'commands.learn_contact_levels'),
+    'torque_map': Tool(
+        'Draw the gravity torque over two joints, or over the workspace', 'commands.torque_map'),
+    'viewer': Tool('Watch and move the arm in a browser', 'viewer.cli', 'execute'),
+}
+"""The tools by verb; `estimate_payload` is also a verb of the node."""
+
+
+def is_tool(verb: str, words: Sequence[str]) -> bool:
+    """
+    Return whether a verb with these words is a tool.
+
+    `estimate_payload` reads recordings if the words contain --urdf, and otherwise asks the node.
+    """
+    return verb in TOOLS and (verb != 'estimate_payload' or any(
+        word.partition('=')[0] == '--urdf' for word in words))
+
+
+def run_tool_verb(verb: str, words: Sequence[str]) -> int:
+    """Run a tool with its own arguments; return its exit status."""
+    tool = TOOLS[verb]
+    module = import_module(f'robot_dynamics_tools.{tool.module}')
+    return int(getattr(module, tool.function)(list(words)))
+
+
+def take_all(parser: argparse.ArgumentParser) -> None:
+    """Take all words behind the verb, also --help, as the arguments of the tool."""
+    parser.prefix_chars = '\0'  # no word is an option of this parser
+    parser.add_argument('words', nargs=argparse.REMAINDER)

@@ -1,0 +1,177 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Joint states decoded from bytes: equal to rosbags and rclpy, for any layout."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import RecordingError
+from robot_dynamics_tools.recordings.joint_series import RecordedJointStates
+from robot_dynamics_tools.recordings.messages import decode_joint_states, joint_state_messages
+from robot_dynamics_tools.recordings.topics import DYNAMICS_TERMS_TEXT
+
+# A warning of numpy indicates a number that the code did not check.
+pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
+
+typesys = pytest.importorskip('rosbags.typesys')
+STORE = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+
+NUMBERS = st.floats(-1e9, 1e9)
+NAMES = st.lists(st.text(
+    st.characters(codec='utf-8', exclude_characters='\0', exclude_categories=['Cs']), max_size=6),
+    max_size=4, unique=True)
+
+
+@st.composite
+def states(draw):
+    """Return the fields of a joint state: stamp, frame, names and three arrays."""
+    names = draw(NAMES)
+    arrays = [draw(st.one_of(
+        st.just([]), st.lists(NUMBERS, min_size=len(names), max_size=len(names)),
+        st.lists(NUMBERS, max_size=5))) for _ in range(3)]
+    return (draw(st.integers(-2**31, 2**31 - 1)), draw(st.integers(0, 10**9 - 1)),
+            draw(st.text(st.characters(codec='ascii', exclude_characters='\0'), max_size=5)),
+            names, arrays)
+
+
+def serialized(state, little_endian=True):
+    sec, nanosec, frame, names, arrays = state
+    types = STORE.types
+    return bytes(STORE.serialize_cdr(types['sensor_msgs/msg/JointState'](
+        header=types['std_msgs/msg/Header'](
+            stamp=types['builtin_interfaces/msg/Time'](sec=sec, nanosec=nanosec), frame_id=frame),
+        name=names, **{field: np.array(values, dtype=float) for field, values in zip(
+            ('position', 'velocity', 'effort'), arrays)}),
+        'sensor_msgs/msg/JointState', little_endian=little_endian))
+
+
+@settings(deadline=None, derandomize=True, max_examples=50)
+@given(st.lists(states(), max_size=6), st.booleans())
+def test_what_was_serialized_is_read(messages, little_endian):
+    blocks, unreadable = decode_joint_states([serialized(m, little_endian) for m in messages])
+    assert unreadable == 0
+    seen = 0
+    for block in blocks:
+        for i, row in enumerate(block.rows.tolist()):
+            sec, nanosec, _, names, arrays = messages[row]
+            assert block.stamps_ns[i] == 10**9 * sec + nanosec
+            assert list(block.joint_names) == names
+            for values, given_ in zip((block.position, block.velocity, block.effort), arrays):
+                if names and len(given_) == len(names):
+                    assert values[i].tolist() == given_
+                else:
+                    assert values is None
+            seen += 1
+    assert seen == len(messages)
+
+
+def test_one_layout_is_one_block_and_order_is_kept():
+    stamps = np.arange(1, 1001, dtype=np.int64)
+    values = np.random.default_rng(0).normal(size=(1000, 3))
+    messages = joint_state_messages(stamps, 'abc', values, None, -values)
+    others = joint_state_messages(stamps, 'xy', values[:, :2])
+    mixed = [message for pair in zip(messages, others) for message in pair]
+    blocks, _ = decode_joint_states(mixed)
+    assert [len(block.rows) for block in blocks] == [1000, 1000]
+    arm = next(block for block in blocks if len(block.joint_names) == 3)
+    np.testing.assert_array_equal(arm.rows, np.arange(0, 2000, 2))
+    np.testing.assert_array_equal(arm.position, values)
+    np.testing.assert_array_equal(arm.effort, -values)
+    assert arm.velocity is None
+
+
+def test_what_is_written_is_what_rosbags_writes():
+    stamps = np.array([1_500_000_000_250_000_000, 3], dtype=np.int64)
+    position, effort = np.array([[0.5, -1.0], [2.0, 3.0]]), np.array([[7.0, 8.0], [9.0, 1.0]])
+    ours = joint_state_messages(stamps, ('left', 'b'), position, effort=effort)
+    for i, message in enumerate(ours):
+        sec, nanosec = divmod(int(stamps[i]), 10**9)
+        assert message == serialized(
+            (sec, nanosec, '', ['left', 'b'], [position[i], [], effort[i]]))
+
+
+@settings(deadline=None, derandomize=True, max_examples=50)
+@given(states(), st.data())
+def test_bytes_of_any_kind_are_counted_or_read(state, data):
+    whole = serialized(state)
+    at = data.draw(st.integers(0, len(whole)))
+    noise = data.draw(st.binary(max_size=12))
+    damaged = [whole[:at], whole[:at] + noise + whole[at + len(noise):], noise, b'']
+    blocks, unreadable = decode_joint_states(damaged)
+    read = sum(len(block.rows) for block in blocks)
+    assert read + unreadable == len(damaged)
+
+
+def test_padding_may_be_anything():
+    message = bytearray(serialized((1, 2, '', ['ab'], [[1.0], [2.0], [3.0]])))
+    other = bytearray(message)
+    padding = message.index(b'ab\0') + 3
+    assert message[padding] == 0
+    other[padding] = 77
+    blocks, _ = decode_joint_states([bytes(message), bytes(other)])
+    assert [len(block.rows) for block in blocks] == [2]
+
+
+# --- selection of samples ------------------------------------------------------------------------
+
+def series_of(stamps):
+    stamps = np.array(stamps, dtype=np.int64)
+    messages = joint_state_messages(stamps, 'a', np.arange(len(stamps), dtype=float)[:, None])
+    return RecordedJointStates('a test', stamps, *decode_joint_states(messages)).series()
+
+
+@settings(deadline=None, derandomize=True, max_examples=50)
+@given(st.lists(st.integers(1, 30), min_size=1, max_size=12))
+def test_as_few_samples_as_possible_are_left_out(stamps):
+    series = series_of(stamps)
+    assert (np.diff(series.stamps_ns) > 0).all()
+    rows = series.position[:, 0].astype(int)
+    assert (np.diff(rows) > 0).all()
+    assert [stamps[row] for row in rows] == series.stamps_ns.tolist()
+    # Compared with every subsequence of the first occurrences.
+    first = [s for i, s in enumerate(stamps) if s not in stamps[:i]]
+    best = [1] * len(first)
+    for i in range(len(first)):
+        best[i] += max((best[k] for k in range(i) if first[k] < first[i]), default=0)
+    assert len(rows) == max(best)
+    faults = series.faults
+    assert len(faults.duplicated_ns) == len(stamps) - len(first)
+    assert len(faults.backward_ns) == len(first) - len(rows)
+    assert series.passed_over == len(stamps) - len(rows)
+
+
+def test_dropped_samples_are_counted_by_the_median_period():
+    stamps = [10**7 * k for k in range(1, 200) if k not in (50, 51, 52, 120)]
+    faults = series_of(stamps).faults
+    assert faults.period_ns == 10**7
+    assert [(gap.start_ns, gap.end_ns, gap.missing) for gap in faults.gaps] == [
+        (49 * 10**7, 53 * 10**7, 3), (119 * 10**7, 121 * 10**7, 1)]
+    assert faults.words() == [
+        'dropped: about 4 samples, in 2 gaps beyond 1.5 median periods of 10 ms, the longest '
+        '40 ms; at 0.480, 1.180 s']
+
+
+def test_names_are_chosen_renamed_and_refused():
+    stamps = np.array([1, 2, 3], dtype=np.int64)
+    values = np.arange(6.0).reshape(3, 2)
+    decoded = decode_joint_states([
+        *joint_state_messages(stamps, ('g',), values[:, :1]),
+        *joint_state_messages(stamps + 3, ('p1', 'p2'), values)])
+    states_ = RecordedJointStates('a test', np.arange(6), *decoded)
+    assert states_.joint_names == ('g', 'p1', 'p2')
+    assert states_.together(('p2', 'g', 'p1')) == ('p2', 'p1')
+    series = states_.renamed({'p1': 'j1'}).series(('p2', 'j1'))
+    np.testing.assert_array_equal(series.position, values[:, ::-1])
+    assert series.faults.other_joints == 3
+    with pytest.raises(RecordingError, match=r"a test .*\['g', 'p1'\].*\['g', 'p1', 'p2'\]"):
+        states_.series(('g', 'p1'))
+
+
+def test_the_definition_of_dynamics_terms_is_that_of_the_interfaces():
+    from pathlib import Path
+    text = Path(__file__).parents[3] / 'robot_dynamics_interfaces' / 'msg' / 'DynamicsTerms.msg'
+    name = 'robot_dynamics_interfaces/msg/DynamicsTerms'
+    assert typesys.get_types_from_msg(DYNAMICS_TERMS_TEXT, name)[name][1] == (
+        typesys.get_types_from_msg(text.read_text(encoding='utf-8'), name)[name][1])
