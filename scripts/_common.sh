@@ -27,7 +27,7 @@ groups_of() {
   local word option='' found=''
   for word in "$@"; do
     case "$option$word" in
-      analyze | animate | calibrate_gravity | estimate_payload | identify | learn_contact_levels | --replay*) found+=' analysis' ;;
+      analyze | animate | calibrate_gravity | dynamics_monitor | estimate_payload | identify | learn_contact_levels | --replay*) found+=' analysis' ;;
       viewer | --viewer*) found+=' viewer' ;;
       --robot*[./]* | --urdf*[./]*) ;;  # a file or a package
       --robot[=\ ]?* | --urdf[=\ ]?*) found+=' robots' ;;  # a name, such as ur10

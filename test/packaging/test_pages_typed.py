@@ -16,7 +16,6 @@ import re
 import shutil
 import subprocess
 import sys
-import time
 from typing import NamedTuple
 
 import pytest
@@ -35,8 +34,6 @@ ELSEWHERE = 'rosdep install'
 """`test_rosdep.py` runs it: it needs the index of ROS packages."""
 WITHOUT_ENVIRONMENT = ('Without ROS', 'Only the libraries')
 """Sections whose terminals have nothing of the clone at first."""
-BUSY = 'state_timeout'
-"""A fault of the nodes if the machine is busy: a person repeats the command."""
 KEPT = re.compile(r'LANG|OPENBLAS_\w+|(PIP|UV|SSL|REQUESTS|FAST(DDS|RTPS)|ROS_(AUTO|DOM))\w+')
 
 pytestmark = [
@@ -120,18 +117,10 @@ class Typist:
             assert self._first.interrupt() == 0, self._first.printed()
         elif not start.startswith(ELSEWHERE):
             refused = start.startswith(NEED_ROS2CLI)
-            assert self._status(command) == refused, self._first.printed()
+            assert self._first.type(command) == refused, self._first.printed()
             assert ('needs ros2cli' in self._first.printed()) == refused
             if start.startswith('source '):
                 self._prepared.append(command)
-
-    def _status(self, command: str) -> int:
-        for _ in range(30):
-            status = self._first.type(command)
-            if status == 0 or BUSY not in self._first.printed():
-                break
-            time.sleep(1.0)
-        return status
 
     def _start_node(self, name: str, command: str) -> None:
         if name in self._nodes:
