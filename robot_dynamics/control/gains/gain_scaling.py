@@ -194,9 +194,3 @@ class StableGains:
         bandwidth = self.scale * np.maximum(gains.frequency / USUAL_FREQUENCY, 1.0)
         self.reference_scale = float(bandwidth.min(initial=1.0))
         return bool((self.scale != before).any())
-
-
-def slowest_rate(gains: LoopGains) -> float:
-    """Return the rate of the joint states [Hz] below which these gains are lowered, 0: no rate."""
-    period = 2.0 * (float(gains.delay.min(initial=math.inf)) - LOOP_DELAY)
-    return 1.0 / period if period > 0.0 else math.inf
