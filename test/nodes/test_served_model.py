@@ -31,7 +31,7 @@ from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.ros.middleware.conversions import payload_to_ros
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from robot_dynamics_interfaces.srv import InverseDynamics, ManipulatorEquation, SetPayload
-from ros_harness import RosClient, TIMEOUT, wait_until
+from ros_harness import RosClient, TIMEOUT, UNHURRIED, wait_until
 from sensor_msgs.msg import JointState
 
 Q = [math.pi / 4.0, math.pi / 6.0]
@@ -191,7 +191,7 @@ def test_each_answer_is_of_one_model(client, count):
             robot_description=planar_arm_urdf(
                 [5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], effort_limits=100.0),
             command='gravity_compensation', allow_implausible_payload=True,
-            effort_rate_limit=1e9, state_timeout=60.0)
+            effort_rate_limit=1e9, **UNHURRIED)
         node._use_model(models[1], False)
         name = node.get_fully_qualified_name()
 
