@@ -260,9 +260,10 @@ class ControlLoop:
                 answer = self._answer(signals, now, fault)
                 if publish is not None and answer.effort is not None:
                     publish(answer.effort)
-                if self.goals.goal is not None:
-                    self.goals.judge()
-                self.controller.evaluate()
+                if signals.verdict.is_new:
+                    if self.goals.goal is not None:
+                        self.goals.judge()
+                    self.controller.evaluate()
                 return answer
             except ImplausibleStateError as error:
                 if error.is_conflict:

@@ -107,7 +107,7 @@ def test_merged_loads_take_the_same_efforts(seed):
 def loaded_with(loads: list[Payload]) -> LoadedArm:
     """Return the default arm with active loads."""
     loaded = LoadedArm(load_arm(default_arm_urdf()))
-    loaded.replace(loaded.prepare(loads))
+    loaded.begin_transition(loaded.prepare(loads), 0.0, lambda _: None)
     return loaded
 
 
@@ -143,7 +143,7 @@ def test_a_transition_to_no_load_ends_with_the_unloaded_arm():
 def test_an_exchange_at_once_ends_a_transition():
     loaded, done = loaded_with([]), []
     loaded.begin_transition(loaded.prepare([OLD]), 1.0, done.append)
-    loaded.replace(loaded.prepare([NEW]))
+    loaded.begin_transition(loaded.prepare([NEW]), 0.0, lambda _: None)
     loaded.advance(5 * SECOND)
     loaded.advance(9 * SECOND)
     assert loaded.dynamics.arm.payloads == (NEW,)

@@ -29,6 +29,8 @@ from robot_dynamics.ros.middleware.rclpy_internals import RclError, subscription
 
 LOOK_PERIOD = 0.1
 """[s] between two checks while a subscriber is unchecked."""
+RECHECK_PERIOD = 1.0
+"""[s] between two searches for subscribers; the next command notices a new one, too."""
 GRACE = 0.5
 """
 [s] for the parameter service of a subscriber to be discovered.
@@ -99,11 +101,7 @@ class _Subscriber:
 
 
 class ControllerOrder:
-    """
-    Checks the subscribers of `~/commands` in the executor.
-
-    `check` is to be called once per second; the next command notices a new subscriber, too.
-    """
+    """Checks the subscribers of `~/commands`; `check` runs in the executor."""
 
     def __init__(
         self, node: Node, commands: Publisher, joint_names: Callable[[], Sequence[str]],
@@ -120,8 +118,9 @@ class ControllerOrder:
         self._seen = 0
         """Number of subscribers at the last command."""
         self._reported: set[str] = set()
-        self._timer = node.create_timer(
-            LOOK_PERIOD, self.check, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(RECHECK_PERIOD, self.check, clock=clock)
+        self._timer = node.create_timer(LOOK_PERIOD, self.check, clock=clock)
         """Runs while a subscriber is unchecked."""
         self.look_now = node.create_guard_condition(self.check).trigger
         """Check at once; may be called in any thread."""

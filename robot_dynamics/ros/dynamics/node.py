@@ -296,7 +296,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
 
     def _statuses(self) -> list[Status]:
         self._models.take_waiting()
-        self._path.command.order.check()
         served = self._path.served
         return [
             *self._report.statuses(state_timeout(self._settings.values)),

@@ -63,9 +63,9 @@ def test_without_bokeh_the_static_figure_remains_with_the_command(monkeypatch):
     assert sys.executable not in added  # no report contains a path of its machine
 
 
-def test_the_plain_setup_installs_what_reports_zoom_with():
-    plain = Path(__file__).parents[3] / 'requirements' / 'python.txt'
-    assert re.search(r'^bokeh', plain.read_text(encoding='utf-8'), re.MULTILINE)
+def test_the_setup_of_analyses_installs_what_reports_zoom_with():
+    analysis = Path(__file__).parents[3] / 'requirements' / 'analysis.txt'
+    assert re.search(r'^bokeh', analysis.read_text(encoding='utf-8'), re.MULTILINE)
 
 
 def test_the_figures_contain_their_script_units_and_boundary():
