@@ -173,7 +173,7 @@ class Gate:
             self._is_silent = True
             return self._signals._replace(verdict=verdict._replace(is_new=False))
         dt, step = 1e-9 * passed_ns, q - self._signals.q
-        if self._any_wraps:
+        if self._any_wraps and not step.dot(step) <= np.pi**2:
             step = np.where(self._wraps, wrap_to_pi(step), step)
         if self._is_missing or any(repeats) and not are_all:
             left = self._left_behind(q, same) | self._contradicts(dt, same, v, v_before)
