@@ -15,7 +15,8 @@ IEEE Int. Conf. Robotics and Automation, 1992). No velocity can therefore drive 
 wrong judgement costs only bandwidth:
 
 - A sample further than FAR velocity limits from d, or exactly 0 in motion, is missing: the last
-  velocity is used and nothing is learned, for MISSED samples in a row.
+  velocity is used and nothing is learned, for MISSED samples in a row. If the position has then
+  moved by more than PLAY, it has jumped: the state is a first one at another place.
 - The displacement lies between the integrals of the last velocity and of the present one. What is
   outside adds up, and is forgotten with the time constant MEMORY. If it is more than FLOOR + RATIO
   times the displacement (resolution of encoders, scale of the velocity), the velocity is not used
@@ -41,6 +42,7 @@ from robot_dynamics.control.laws.error_feedback import DEFAULT_NATURAL_FREQUENCY
 from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.monitoring.state_plausibility import (
     LARGEST_SPEED,
+    PLAY,
     StatePlausibility,
     StateVerdict,
 )
@@ -123,8 +125,10 @@ class Gate:
         self._integral, self._moved = [0.0] * n, [0.0] * n
         self._before: list[float] | None = None
         """Velocities of the last state."""
-        self._missed = [0] * n
-        """Samples in a row of each velocity that are missing."""
+        self._missed, self._way = [0] * n, [0.0] * n
+        """Samples in a row of each velocity that are missing, and the way in this time."""
+        self._has_jumped = False
+        """Whether a position has jumped by more than PLAY between velocities that agree."""
         self._step = 1.0, np.zeros(n)
         """Duration [s] and length (n,) of the last step."""
         self._fast: BoolArray = np.zeros(n, dtype=bool)
@@ -182,6 +186,8 @@ class Gate:
             self._left, self._claimed = None, 0.0 * q
         d, span = self._difference_quotient(verdict.stamp, step)
         used, is_late = (d, True) if v is None else self._agreeing(dt, d, v, step)
+        if self._has_jumped:
+            return self._first(verdict._replace(restart='jump'), q)
         self._fast = self._cannot_stand(dt, step, used)
         self._signals = Signals(
             q, used, verdict, 0.5 * span if is_late else 0.0, self._lost)
@@ -212,12 +218,15 @@ class Gate:
                 v_j = d_j
             elif not -far <= v_j - d_j <= far or v_j == 0.0 and not -MOVING <= d_j <= MOVING:
                 missed[j] += 1
+                self._way[j] += step_j
                 if missed[j] <= MISSED:
                     used[j] = last
                     continue
                 v_j, agreed[j] = d_j, 0.0
-            else:
-                missed[j] = 0
+            elif missed[j]:
+                if missed[j] <= MISSED and not -PLAY <= self._way[j] + step_j <= PLAY:
+                    self._has_jumped = True
+                missed[j], self._way[j] = 0, 0.0
             low, high = (before[j], v_j) if before[j] < v_j else (v_j, before[j])
             w[j] = keep * w[j] + step_j - min(max(step_j, dt * low), dt * high)
             m[j] = keep * m[j] + step_j

@@ -313,6 +313,17 @@ def test_a_position_that_jumps_is_missing_or_another_place(rate, samples):
 
 # --- time ----------------------------------------------------------------------------------------
 
+@FEW
+@given(rate=st.floats(100.0, 250.0), jump=st.floats(0.06, 0.12), sign=signs)
+def test_a_jump_between_velocities_that_agree_is_another_place(rate, jump, sign):
+    """Without a velocity limit, it is no faster than a joint may be."""
+    one, q = Fed(rate, np.inf), np.zeros(2)
+    for _ in range(20):
+        one.signals(q, np.zeros(2))
+    restarts = [one.signals(q + [0.0, sign * jump], np.zeros(2)).verdict.restart for _ in range(9)]
+    assert [restart for restart in restarts if restart] == ['jump']
+
+
 def test_after_a_pause_a_state_is_a_first_one():
     one, v = Fed(500.0), np.array([1.0, -1.0])
     for _ in range(20):
