@@ -246,7 +246,7 @@ class Gate:
     def _cannot_stand(self, dt: float, step: FloatArray, v: FloatArray) -> BoolArray:
         """Return which joints (n,) are too fast to stand at the next state."""
         (dt_before, before), self._step = self._step, (dt, step)
-        if v.dot(v) <= MOVING * MOVING:
+        if v.dot(v) <= MOVING * MOVING or dt > 2.0 * dt_before:  # it may have stopped in a gap
             return np.zeros_like(self._fast)
         speed = np.abs(step) / dt
         fast = (np.minimum(speed, np.abs(v)) > MOVING) & (speed > 0.5 / dt_before * np.abs(before))

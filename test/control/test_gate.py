@@ -216,6 +216,19 @@ def test_a_joint_that_friction_stops_is_never_missing(
 
 
 @FEW
+@given(rate=rates, speed=st.floats(0.2, 2.0), gap=st.integers(3, 15))
+def test_a_joint_that_stops_in_a_gap_is_never_missing(rate, speed, gap):
+    one, v = Fed(rate), np.array([0.3, speed])
+    while one.t < 0.2:
+        one.signals(one.t * v, v)
+    q = (one.t + 0.5 * gap / rate) * v
+    one.k += gap
+    for _ in range(int(0.3 * rate)):
+        q[0] = 0.3 * one.t
+        assert one.signals(q.copy(), np.array([0.3, 0.0])).lost is None
+
+
+@FEW
 @given(speed=st.floats(0.02, 0.6), rate=rates)
 def test_the_steps_of_an_encoder_are_no_loss(speed, rate):
     """Of 15 bit per turn: below 0.2 rad/s its positions repeat at 1 kHz."""
