@@ -209,7 +209,7 @@ def _near(
     u, h = np.minimum(clock / ramp, 1.0), clock[1]
     rising = ramp * (u**3 - 0.5 * u**4) + np.maximum(clock - ramp, 0.0)
     at = t[0] + np.where(clock < 0.5 * clock[-1], rising, duration - rising[::-1])
-    # The time on the lines is one more coordinate, which says where on them the spline is.
+    # The time on the lines is one more coordinate, which states where on them the spline is.
     lines = np.stack([np.interp(at, t, column) for column in (*q.T, t)], axis=1)
     c = np.pad(lines, ((2, 2), (0, 0)), 'edge')
     knots = (c[:-2] + 4.0 * c[1:-1] + c[2:]) / 6.0
