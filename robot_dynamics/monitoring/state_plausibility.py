@@ -155,7 +155,8 @@ class StatePlausibility:
                 self._check_is_confirmed(stamp, q, restart, words)
         self._stamp, self._received, self._q, self._offset = stamp, steady, q, offset
         self._challenger = None
-        return StateVerdict(True, None if restart else dt, restart, stamp)
+        continues = not restart or restart == 'jump' and not self.is_lock_step
+        return StateVerdict(True, dt if continues else None, restart, stamp)
 
     def _current_offset(self, stamp: int, age: float, passed: float) -> float:
         """Return the offset of the clock of a stamp; raise ImplausibleStateError for its age."""
