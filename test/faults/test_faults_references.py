@@ -52,7 +52,7 @@ def trajectory(
 
 
 def is_torque(message: Any) -> bool:
-    """Return whether a command is the computed torque for `GOAL`; late states change it a little."""
+    """Return whether a command is the computed torque for `GOAL`, but for late states."""
     return bool(np.allclose(message.effort, TORQUE, atol=0.01))
 
 
