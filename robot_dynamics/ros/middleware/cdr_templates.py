@@ -92,135 +92,93 @@ class JointStateDecoder:
             state = known.decode(data)
             if state is not None:
                 return state
-        new = _LayoutDecoder()
-        state = new.learn(data)
-        if new.layout is not None:
-            self._known = [new, *self._known[:MOST_LAYOUTS - 1]]
+        message = read_message(data, JointState)
+        new = _LayoutDecoder(message, len(data))
+        state = new.decode(data)
+        if state is None:  # another encapsulation, or texts in another form
+            return _converted(message)
+        self._known = [new, *self._known[:MOST_LAYOUTS - 1]]
         return state
 
 
 class _LayoutDecoder:
-    """Reads messages of one layout."""
+    """Reads messages of one layout: only stamp, numbers and padding differ from the first one."""
 
-    def __init__(self) -> None:
-        self._names: list[str] = []
-        self._known: list[tuple[int, int, bytes]] = []
-        self._length = self._start = self._number_count = 0
-        self.layout: Layout | None = None
-        """None until it is learned; the layout of another encapsulation is never learned."""
-        self._skeleton = struct.Struct('')
-        self._bones: list[bytes] = []
+    def __init__(self, message: JointState, length: int) -> None:
+        """Learn the layout of a message of `length` bytes."""
+        self._names, self._length = list(message.name), length
+        writer = _begun(self._names, message.header.frame_id)
+        places = [writer.floats(len(values)) for values in _fields(message)]
+        self._mask = int.from_bytes(writer.mask, 'little')
+        self._fixed = int.from_bytes(writer.data, 'little')
+        first = places[0].start
+        first += (len(ENCAPSULATION) - first) % _FLOAT64.itemsize
+        self._start, self._layout = first, Layout(*(
+            slice((place.start - first) // 8, (place.stop - first) // 8)
+            if place.start < place.stop else slice(0, 0) for place in places))
+        self._number_count = max(field.stop for field in self._layout)
 
     def decode(self, data: bytes) -> SensedState | None:
         """Return the content of a message of this layout, None for another layout."""
-        layout = self.layout
-        if layout is None or len(data) != self._length or data[:4] != ENCAPSULATION:
+        if len(data) != self._length or (
+                int.from_bytes(data, 'little') & self._mask != self._fixed):
             return None
-        sec, nanosec, *fixed_bytes = self._skeleton.unpack(data)
-        if fixed_bytes != self._bones and not self._has_known_bones(data):
-            return None
+        stamp = data[STAMP]
+        sec, nanosec = _SEC_NANOSEC.unpack(stamp)
         return SensedState(
-            data[STAMP], NANOSECONDS_PER_SECOND * sec + nanosec, self._names,
-            np.frombuffer(data, _FLOAT64, self._number_count, self._start), layout)
-
-    def _has_known_bones(self, data: bytes) -> bool:
-        """Return whether all but stamp and numbers is unchanged; padding may have any value."""
-        if not all(data[start:end] == known for start, end, known in self._known):
-            return False
-        _, _, *self._bones = self._skeleton.unpack(data)
-        return True
-
-    # ------------------------------------------------------------------ any message
-
-    def learn(self, data: bytes) -> SensedState:
-        """Learn the layout of a message; raise UnreadableMessageError."""
-        message = read_message(data, JointState)
-        if data[:4] == ENCAPSULATION:
-            self._known = [(0, 4, ENCAPSULATION)]
-            end = self._learn_names(data, message)
-            self._learn_numbers(data, message, end)
-            self._names = list(message.name)
-        stamp = message.header.stamp
-        fields = message.position, message.velocity, message.effort
-        p, v, _ = (len(values) for values in fields)
-        return SensedState(
-            _SEC_NANOSEC.pack(stamp.sec, stamp.nanosec),
-            NANOSECONDS_PER_SECOND * stamp.sec + stamp.nanosec,
-            list(message.name), np.concatenate([np.array(values) for values in fields]),
-            Layout(slice(0, p), slice(p, p + v), slice(p + v, None)))
-
-    def _learn_names(self, data: bytes, message: JointState) -> int:
-        """Store the texts; return the position of their end."""
-        end = self._take_text(data, 12)
-        self._known.append((end, end + 4, struct.pack('<I', len(message.name))))
-        end += 4
-        for _ in message.name:
-            end = self._take_text(data, end)
-        return end
-
-    def _take_text(self, data: bytes, start: int) -> int:
-        """Store a string and its length; return the position of the next one."""
-        (length,) = struct.unpack_from('<I', data, start)
-        end = start + 4 + int(length)
-        self._known.append((start, end, data[start:end]))
-        return end + -end % 4
-
-    def _learn_numbers(self, data: bytes, message: JointState, names_end: int) -> None:
-        """Find the numbers; positions are in bytes from the start of the encapsulation."""
-        end, places = names_end, []
-        for values in (message.position, message.velocity, message.effort):
-            self._known.append((end, end + 4, struct.pack('<I', len(values))))
-            start = end + 4
-            if len(values):
-                start += (4 - start) % 8  # alignment counts from the end of the encapsulation
-            end = start + 8 * len(values)
-            places.append((start, end))
-        first = names_end + 4
-        first += (4 - first) % 8
-        self._length, self._start = len(data), first
-        self._number_count = max(end - first, 0) // 8
-        position, velocity, effort = (
-            slice((start - first) // 8, (end - first) // 8) if end > start else slice(0, 0)
-            for start, end in places)
-        self.layout = Layout(position, velocity, effort)
-        self._skeleton = _skeleton(places, len(data))
-        _, _, *self._bones = self._skeleton.unpack(data)
+            stamp, NANOSECONDS_PER_SECOND * sec + nanosec, self._names,
+            np.frombuffer(data, _FLOAT64, self._number_count, self._start), self._layout)
 
 
-def _skeleton(left_out: Sequence[tuple[int, int]], length: int) -> struct.Struct:
-    """Return a Struct that unpacks the stamp and all later bytes except these ranges."""
-    parts, end = [f'<{STAMP.start}xiI'], STAMP.stop
-    for start, stop in left_out:
-        parts.append(f'{start - end}s{stop - start}x')
-        end = stop
-    return struct.Struct(''.join(parts) + f'{length - end}s')
+def _fields(message: JointState) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
+    return message.position, message.velocity, message.effort
+
+
+def _converted(message: JointState) -> SensedState:
+    """Return the content of a message that rclpy has read."""
+    stamp, p, v = message.header.stamp, len(message.position), len(message.velocity)
+    return SensedState(
+        _SEC_NANOSEC.pack(stamp.sec, stamp.nanosec),
+        NANOSECONDS_PER_SECOND * stamp.sec + stamp.nanosec,
+        list(message.name), np.concatenate([np.array(values) for values in _fields(message)]),
+        Layout(slice(0, p), slice(p, p + v), slice(p + v, None)))
 
 
 class CdrWriter:
     """
-    Serializes the parts of messages.
+    Serializes the parts of messages, and marks the bytes of texts and counts.
 
     rclpy's `serialize_message` leaves undefined bytes between strings and after the end, which
     strict readers reject.
     """
 
     def __init__(self) -> None:
-        self.data = bytearray(ENCAPSULATION)
+        self.data, self.mask = bytearray(), bytearray()
+        """The message, and of each of its bytes 255, or 0 for stamp, numbers and padding."""
+        self._add(ENCAPSULATION)
+
+    def _add(self, content: bytes, mark: int = 255) -> None:
+        self.data += content
+        self.mask += bytes([mark]) * len(content)
+
+    def zeros(self, count: int) -> None:
+        """Write bytes without a mark."""
+        self._add(bytes(count), 0)
 
     def align(self, size: int) -> None:
         """Pad with zeros to a multiple of the size, counted from the end of the encapsulation."""
-        self.data += bytes((len(ENCAPSULATION) - len(self.data)) % size)
+        self.zeros((len(ENCAPSULATION) - len(self.data)) % size)
 
     def uint32(self, value: int) -> None:
         """Write a number, or a count."""
         self.align(4)
-        self.data += struct.pack('<I', value)
+        self._add(struct.pack('<I', value))
 
     def text(self, value: str) -> None:
         """Write a string."""
         encoded = value.encode() + b'\0'
         self.uint32(len(encoded))
-        self.data += encoded
+        self._add(encoded)
 
     def floats(self, n: int) -> slice:
         """Write a sequence of n zeros as float64; return their position."""
@@ -231,7 +189,7 @@ class CdrWriter:
         """Write n zeros as float64; return their position."""
         if n:
             self.align(8)
-        self.data += bytes(8 * n)
+        self.zeros(8 * n)
         return slice(len(self.data) - 8 * n, len(self.data))
 
 
@@ -279,11 +237,11 @@ def terms_template(joint_names: Sequence[str]) -> MessageTemplate:
     return MessageTemplate(writer.data, [*places, writer.numbers(2)])
 
 
-def _begun(joint_names: Sequence[str]) -> CdrWriter:
+def _begun(joint_names: Sequence[str], frame_id: str = '') -> CdrWriter:
     """Return a message that begins with a header and joint names."""
     writer = CdrWriter()
-    writer.data += bytes(8)  # header.stamp
-    writer.text('')  # header.frame_id
+    writer.zeros(STAMP.stop - STAMP.start)
+    writer.text(frame_id)
     writer.uint32(len(joint_names))
     for name in joint_names:
         writer.text(name)
