@@ -108,11 +108,10 @@ class Recorder:
         with uninterrupted():
             return sum(self._drain(source) for source in self._sources)
 
-    def wait(self, topic: str, seconds: float) -> bool:
-        """Wait until a message of this topic can be drained; return whether one can."""
+    def wait(self, topic: str, seconds: float) -> None:
+        """Wait at most so long until a message of this topic can be drained."""
         source = next(source for source in self._sources if source.spec.name == topic)
         source.inbox.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
-        return source.inbox.is_ready()
 
     def close(self) -> None:
         """Record the waiting messages, and end the subscriptions."""

@@ -5,8 +5,8 @@
 The only module that uses members of rclpy beyond its documented interface.
 
 Each function and class names the member, why the documented interface is not enough, and what is
-used instead if an update of rclpy has no such member. The choice is made once, at construction.
-`test/ros/test_rclpy_internals.py` reports the members that an update changes.
+used instead if an update of rclpy has no such member. All members of classes in C++ are used, or
+none of them. `test/ros/test_rclpy_internals.py` reports the members that an update changes.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +16,6 @@ from typing import Any
 
 from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.context import Context
-from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -27,39 +26,33 @@ from robot_dynamics.ros.middleware.spun_inbox import SpunInbox, Taken
 
 IMPLEMENTATION = 'rclpy.impl.implementation_singleton'
 """Module that has `rclpy_implementation`, the classes of rclpy that are written in C++."""
+MEMBERS = {
+    'Publisher': ('publish_raw', 'get_subscription_count'),
+    'Service': ('service_take_request',),
+    'Subscription': ('take_message',),
+    'WaitSet': ('add_service', 'add_subscription', 'clear_entities', 'wait'),
+}
+"""The members that are used of these classes."""
 HANDLE = 'handle'
 """Property of publishers, subscriptions, services and contexts: the object in C++."""
-PUBLISH_RAW = 'publish_raw'
-SUBSCRIPTION_COUNT = 'get_subscription_count'
-TAKE_MESSAGE = 'take_message'
-TAKE_REQUEST = 'service_take_request'
-WAIT_SET = 'WaitSet'
 PARAMETER_OVERRIDES = '_parameter_overrides'
 SEND_RESPONSE = 'send_response'
 CALLBACK = 'callback'
 REQUEST_ID = 'request_id'
 
-_ABSENT = (AttributeError, ImportError, TypeError)
-"""Errors of a member that is absent, or is constructed with other arguments."""
 
-
-def _implementation(name: str) -> Any:
-    """Return a class of `rclpy_implementation`; raise one of _ABSENT if it is absent."""
-    return getattr(importlib.import_module(IMPLEMENTATION).rclpy_implementation, name)
-
-
-def _handle(entity: Any) -> Any:
-    return getattr(entity, HANDLE)
-
-
-def _wait_set(context: Context, entity: str, method: str, *counts: int) -> Any:
-    """
-    Return a wait set; raise one of _ABSENT without it, or if the class `entity` lacks a method.
-
-    It comes before the entity: other processes may keep an entity that is destroyed at once.
-    """
-    getattr(_implementation(entity), method)
-    return _implementation(WAIT_SET)(*counts, _handle(context))
+def implementation() -> Any:
+    """Return `rclpy_implementation`, None if it lacks one of MEMBERS, or a class lacks HANDLE."""
+    try:
+        for kind in (Context, Publisher, Service, Subscription):
+            getattr(kind, HANDLE)
+        found = importlib.import_module(IMPLEMENTATION).rclpy_implementation
+        for name, members in MEMBERS.items():
+            for member in members:
+                getattr(getattr(found, name), member)
+    except (AttributeError, ImportError):
+        return None
+    return found
 
 
 def error_type(name: str) -> type[Exception]:
@@ -68,10 +61,7 @@ def error_type(name: str) -> type[Exception]:
 
     rclpy raises it, but exports it nowhere else. Fallback: RuntimeError, its base class.
     """
-    try:
-        found: type[Exception] = _implementation(name)
-    except _ABSENT:
-        return RuntimeError
+    found: type[Exception] = getattr(implementation(), name, RuntimeError)
     return found
 
 
@@ -90,10 +80,8 @@ def raw_publish(publisher: Publisher) -> Callable[[bytes], None]:
     It is `Publisher.handle.publish_raw`: the checks of `Publisher.publish` take as long as the
     call itself. Fallback: `Publisher.publish`, which takes bytes, too.
     """
-    try:
-        publish: Callable[[bytes], None] = getattr(_handle(publisher), PUBLISH_RAW)
-    except _ABSENT:
-        publish = publisher.publish
+    publish: Callable[[bytes], None] = (
+        publisher.handle.publish_raw if implementation() else publisher.publish)
     return publish
 
 
@@ -104,10 +92,8 @@ def subscription_count(publisher: Publisher) -> Callable[[], int]:
     It is `Publisher.handle.get_subscription_count`: the documented method of that name takes four
     times as long. Fallback: that method.
     """
-    try:
-        count: Callable[[], int] = getattr(_handle(publisher), SUBSCRIPTION_COUNT)
-    except _ABSENT:
-        count = publisher.get_subscription_count
+    count: Callable[[], int] = (
+        publisher.handle if implementation() else publisher).get_subscription_count
     return count
 
 
@@ -139,71 +125,38 @@ class MessageInbox:
     entities of its nodes for each message, and runs a callback only after those before it.
     """
 
-    def __init__(
-        self, node: Node, message_type: type, topic: str, qos: QoSProfile, can_wake: bool = False,
-    ) -> None:
-        """Subscribe; raise one of _ABSENT if rclpy lacks a member."""
+    def __init__(self, node: Node, message_type: type, topic: str, qos: QoSProfile) -> None:
+        """Subscribe to a topic."""
         self._node = node
-        self._wait_set = _wait_set(
-            node.context, 'Subscription', TAKE_MESSAGE, 1, int(can_wake), 0, 0, 0, 0)
-        self._wake = GuardCondition(lambda: None, None, context=node.context) if can_wake else None
         self.subscription: Subscription = node.create_subscription(
             message_type, topic, lambda _: None, qos, raw=True, callback_group=LEFT_TO_A_THREAD)
         """For its topic name and its number of publishers."""
-        handle = _handle(self.subscription)
+        handle = self.subscription.handle
         self.take: Callable[[], Taken | None] = functools.partial(
-            getattr(handle, TAKE_MESSAGE), message_type, True)
+            handle.take_message, message_type, True)
         """Returns the next message and its properties, or None."""
-        self.wait = _wait_for(self._wait_set, handle, self._wake)
-        """Waits at most so long [ns] for a message or `wake`."""
+        wait_set = implementation().WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
+        clear, add, wait_ns = wait_set.clear_entities, wait_set.add_subscription, wait_set.wait
 
-    def is_ready(self) -> bool:
-        """Return whether the last wait ended with a message."""
-        return bool(self._wait_set.get_ready_entities('subscription'))
+        def wait(nanoseconds: int) -> None:
+            clear()
+            add(handle)
+            wait_ns(nanoseconds)
 
-    def wake(self) -> None:
-        """End a wait, from another thread; needs `can_wake`."""
-        if self._wake is not None:
-            self._wake.trigger()
+        self.wait: Callable[[int], None] = wait  # its names are not looked up for each message
+        """Waits at most so long [ns] for a message."""
 
     def close(self) -> None:
         """End the subscription; no thread may wait any more."""
         self._node.destroy_subscription(self.subscription)
 
 
-def _wait_for(
-    wait_set: Any, subscription: Any, wake: GuardCondition | None,
-) -> Callable[[int], None]:
-    """Return a function that waits; its names are looked up here, and not for each message."""
-    clear, add_subscription, wait_ns = (
-        wait_set.clear_entities, wait_set.add_subscription, wait_set.wait)
-
-    def wait(nanoseconds: int) -> None:
-        clear()
-        add_subscription(subscription)
-        wait_ns(nanoseconds)
-
-    if wake is None:
-        return wait
-    guard, add_guard = _handle(wake), wait_set.add_guard_condition
-
-    def wait_or_wake(nanoseconds: int) -> None:
-        clear()
-        add_subscription(subscription)
-        add_guard(guard)
-        wait_ns(nanoseconds)
-
-    return wait_or_wake
-
-
 def message_inbox(
-    node: Node, message_type: type, topic: str, qos: QoSProfile, can_wake: bool = False,
+    node: Node, message_type: type, topic: str, qos: QoSProfile,
 ) -> MessageInbox | SpunInbox:
     """Subscribe to a topic; return what a thread takes its messages from. Fallback: SpunInbox."""
-    try:
-        return MessageInbox(node, message_type, topic, qos, can_wake)
-    except _ABSENT:
-        return SpunInbox(node, message_type, topic, qos)
+    inbox = MessageInbox if implementation() else SpunInbox
+    return inbox(node, message_type, topic, qos)
 
 
 # ---------------------------------------------------------------------- services
@@ -219,24 +172,22 @@ class RequestInbox:
     def __init__(
         self, node: Node, srv_type: Any, name: str, callback: Callable[[Any, Any], Any],
     ) -> None:
-        """Create a service; raise one of _ABSENT if rclpy lacks a member."""
-        self._wait_set = _wait_set(node.context, 'Service', TAKE_REQUEST, 0, 0, 0, 0, 1, 0)
+        """Create a service."""
         self.service: Service = node.create_service(
             srv_type, name, callback, callback_group=LEFT_TO_A_THREAD)
-        self._handle = _handle(self.service)
+        self._handle = self.service.handle
         self.take: Callable[[], tuple[Any, Any]] = functools.partial(
-            getattr(self._handle, TAKE_REQUEST), srv_type.Request)
+            self._handle.service_take_request, srv_type.Request)
         """Returns a request and its header, or (None, None)."""
         self.answer: Callable[[Any, Any], Any] = getattr(self.service, CALLBACK, callback)
         """Returns the response to a request; its second argument is a response to fill."""
+        self._wait_set = implementation().WaitSet(0, 0, 0, 0, 1, 0, node.context.handle)
 
-    def wait(self, nanoseconds: int) -> bool:
-        """Wait at most so long; return whether there is a request."""
-        wait_set = self._wait_set
-        wait_set.clear_entities()
-        wait_set.add_service(self._handle)
-        wait_set.wait(nanoseconds)
-        return bool(wait_set.get_ready_entities('service'))
+    def wait(self, nanoseconds: int) -> None:
+        """Wait at most so long for a request."""
+        self._wait_set.clear_entities()
+        self._wait_set.add_service(self._handle)
+        self._wait_set.wait(nanoseconds)
 
 
 def service_with_inbox(
@@ -247,12 +198,11 @@ def service_with_inbox(
 
     Fallback: a service that the executor calls back, in a separate group, and None.
     """
-    try:
+    if implementation():
         requests = RequestInbox(node, srv_type, name, callback)
-    except _ABSENT:
-        group = MutuallyExclusiveCallbackGroup()
-        return node.create_service(srv_type, name, callback, callback_group=group), None
-    return requests.service, requests
+        return requests.service, requests
+    group = MutuallyExclusiveCallbackGroup()
+    return node.create_service(srv_type, name, callback, callback_group=group), None
 
 
 def replace_callback(

@@ -29,7 +29,7 @@ class SpunInbox:
         """Subscribe to `topic`, resolved as a topic of `node`."""
         self._waiting: deque[Taken] = deque(maxlen=qos.depth)
         self._news = threading.Condition()
-        self._is_woken = self._ends = False
+        self._ends = False
         self._helper = rclpy.create_node(
             f'_{node.get_name()}_inbox', namespace=node.get_namespace(), context=node.context,
             use_global_arguments=False, start_parameter_services=False, enable_rosout=False)
@@ -58,20 +58,9 @@ class SpunInbox:
             return self._waiting.popleft() if self._waiting else None
 
     def wait(self, nanoseconds: int) -> None:
-        """Wait at most so long for a message or `wake`."""
+        """Wait at most so long for a message."""
         with self._news:
-            self._news.wait_for(lambda: self._waiting or self._is_woken, 1e-9 * nanoseconds)
-            self._is_woken = False
-
-    def is_ready(self) -> bool:
-        """Return whether there is a message."""
-        return bool(self._waiting)
-
-    def wake(self) -> None:
-        """End a wait, from another thread."""
-        with self._news:
-            self._is_woken = True
-            self._news.notify()
+            self._news.wait_for(lambda: self._waiting, 1e-9 * nanoseconds)
 
     def close(self) -> None:
         """End the subscription and its thread."""

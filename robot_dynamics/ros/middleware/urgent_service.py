@@ -16,7 +16,7 @@ from rclpy.node import Node
 from robot_dynamics.ros.middleware.answer_delivery import AnswerDelivery
 from robot_dynamics.ros.middleware.answer_delivery import TURN as DELIVERY_TURN
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD, TURN
-from robot_dynamics.ros.middleware.rclpy_internals import RequestInbox, service_with_inbox
+from robot_dynamics.ros.middleware.rclpy_internals import service_with_inbox
 
 
 class UrgentService:
@@ -42,11 +42,12 @@ class UrgentService:
     def _run(self) -> None:
         requests, delivery = self._requests, AnswerDelivery(self._node)
         while requests is not None and self._is_needed():
-            is_ready = requests.wait(
-                round(1e9 * DELIVERY_TURN) if delivery.has_waiting else TURN)
+            requests.wait(round(1e9 * DELIVERY_TURN) if delivery.has_waiting else TURN)
             try:
-                if is_ready and self._is_needed():
-                    self._answer(requests, delivery)
+                request, header = requests.take()
+                if header is not None and self._is_needed():
+                    delivery.send(
+                        self._service, requests.answer(request, self._type.Response()), header)
                 delivery.send_waiting()
             except Exception as error:  # a request that cannot be read must not end the thread
                 if self._is_needed():
@@ -56,9 +57,3 @@ class UrgentService:
 
     def _is_needed(self) -> bool:
         return not self._ends and self._node.context.ok()
-
-    def _answer(self, requests: RequestInbox, delivery: AnswerDelivery) -> None:
-        request, header = requests.take()
-        if header is not None:
-            delivery.send(
-                self._service, requests.answer(request, self._type.Response()), header)

@@ -67,8 +67,7 @@ class ArmTopics:
         self._clock = node.create_publisher(Clock, '/clock', 10) if with_clock else None
         self._read = self._reader.drive_command if has_drive_loop else self._reader.finite_effort
         self.inbox = message_inbox(
-            node, JointState, DRIVE_TOPIC if has_drive_loop else 'effort_command', NEWEST_ONLY,
-            can_wake=True)
+            node, JointState, DRIVE_TOPIC if has_drive_loop else 'effort_command', NEWEST_ONLY)
         self.efforts = self.inbox.subscription
 
     @property
@@ -80,8 +79,13 @@ class ArmTopics:
     def has_own_time(self) -> bool:
         return self._clock is not None
 
-    def take_effort(self) -> tuple[FloatArray, int] | None:
-        """Return the newest effort or drive command that has arrived and its stamp, or None."""
+    def take_effort(self, seconds: float) -> tuple[FloatArray, int] | None:
+        """
+        Return the next effort or drive command and its stamp [ns], None without one.
+
+        Waits at most `seconds` [s] for it.
+        """
+        self.inbox.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
         try:
             taken = self.inbox.take()
             if taken is None:
@@ -127,7 +131,6 @@ class _Loop(ABC):
         """End the thread, before the node is destroyed."""
         self._stopping.set()
         if self._thread.is_alive():
-            self._topics.inbox.wake()
             self._thread.join()
         self._topics.inbox.close()
 
@@ -145,12 +148,6 @@ class _Loop(ABC):
 
     def _running(self) -> bool:
         return not self._stopping.is_set() and self._node.context.ok()
-
-    def _wait_for_effort(self, seconds: float) -> bool:
-        """Return whether an effort can be taken; wait at most `seconds` [s] for it."""
-        inbox = self._topics.inbox
-        inbox.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
-        return inbox.is_ready()
 
     def _apply(self, effort: FloatArray) -> None:
         """Apply an effort; log the joint at which the drive clips it most."""
@@ -244,12 +241,11 @@ class WallTimeLoop(_Loop):
         """Take efforts; compute the next state after one with this stamp."""
         while self._running():
             remaining = deadline - time.monotonic()
-            if self._wait_for_effort(max(remaining, 0.0)):
-                taken = self._topics.take_effort()
-                if taken is not None:
-                    self._give(taken[0])
-                    if taken[1] == stamp_ns and self._next is None and not self.is_paused:
-                        self._next = self._advance(), self._plant.reset_count
+            taken = self._topics.take_effort(min(remaining, RESEND_PERIOD))
+            if taken is not None:
+                self._give(taken[0])
+                if taken[1] == stamp_ns and self._next is None and not self.is_paused:
+                    self._next = self._advance(), self._plant.reset_count
             if remaining <= 0.0:
                 return
 
@@ -321,9 +317,7 @@ class LockStepLoop(_Loop):
             self._unanswered.log_reason()
             deadline = time.monotonic() + RESEND_PERIOD
             while (remaining := deadline - time.monotonic()) > 0.0 and self._running():
-                if not self._wait_for_effort(remaining):
-                    continue
-                taken = self._topics.take_effort()
+                taken = self._topics.take_effort(remaining)
                 if taken is None:
                     continue
                 if taken[1] == stamp_ns:
