@@ -20,7 +20,6 @@ from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.middleware.conversions import (
     add_task_space,
     floats_to_ros,
-    stamp_to_ros,
     terms_to_ros,
     trajectory_from_ros,
     trajectory_to_ros,
@@ -31,7 +30,6 @@ from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 from robot_dynamics.task_space.task_space import TaskSpace as TaskSpaceOfPoint
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.goal_limits import motion_excesses
-from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
 from robot_dynamics.trajectories.limit_warnings import (
     limit_warnings,
     motor_warnings,
@@ -105,22 +103,21 @@ class DynamicsServices:
         wrenches = wrenches_from_ros(dynamics.arm, request.external_wrenches)
         terms = dynamics.terms(q, v, a, wrenches)
         response.joint_names = list(order.names)
-        response.effort = floats_to_ros(order.answer(terms.effort))
+        _fill(response, order.answer, effort=terms.effort)
         uncertainty = dynamics.arm.uncertainty
         if uncertainty is not None and uncertainty.has_covariance:
-            deviation = EffortDeviation(checked, uncertainty).prediction(
-                q, v, a, terms.effort - terms.friction)
-            response.effort_deviation = floats_to_ros(order.answer(deviation))
-        response.terms = terms_to_ros(terms, order.names, stamp_to_ros(0), order)
-        response.terms.header.stamp = self._node.get_clock().now().to_msg()
+            _fill(response, order.answer, effort_deviation=EffortDeviation(
+                checked, uncertainty).prediction(q, v, a, terms.effort - terms.friction))
+        response.terms = terms_to_ros(
+            terms, order.names, self._node.get_clock().now().to_msg(), order)
         response.warnings = [
             *limit_warnings(dynamics.arm, q, v, terms.effort),
             *_fill_motors(response, order, dynamics.arm, terms.effort, v, a)]
         if request.include_derivatives:
             by = ArmDerivatives(dynamics.arm).inverse_dynamics(q, v, a, wrenches)
-            for name in ('position', 'velocity', 'acceleration'):
-                setattr(response, f'effort_{name}_derivative', floats_to_ros(
-                    order.answer_form(getattr(by, name))))
+            _fill(response, order.answer_form, **{
+                f'effort_{name}_derivative': getattr(by, name)
+                for name in ('position', 'velocity', 'acceleration')})
 
     def _batch(
         self, request: srv.InverseDynamicsBatch.Request,
@@ -133,7 +130,7 @@ class DynamicsServices:
         a = order.rates(request.acceleration, len(q), 'acceleration')
         effort = dynamics.inverse_dynamics_batch(q, v, a)
         response.joint_names = list(order.names)
-        response.effort = floats_to_ros(order.answer(effort))
+        _fill(response, order.answer, effort=effort)
         response.warnings = limit_warnings(dynamics.arm, q, v, effort)
         if dynamics.arm.actuators is not None:
             response.warnings += motor_warnings(
@@ -176,7 +173,7 @@ class DynamicsServices:
             request.effort_limit_fraction or options.effort_limit_fraction,
             () if request.efforts_may_jump else PLANNED_RATE * np.broadcast_to(
                 options.effort_rate, len(names)))
-        message = trajectory_to_ros(_in_order(result.trajectory, order))
+        message = trajectory_to_ros(result.trajectory, order)
         message.header = request.trajectory.header
         response.trajectory = with_efforts(message, order.answer(result.efforts))
         response.duration, response.ratio = result.duration, result.ratio
@@ -196,7 +193,7 @@ class DynamicsServices:
         wrenches = wrenches_from_ros(dynamics.arm, request.external_wrenches)
         response.joint_names = list(order.names)
         a = dynamics.forward_dynamics(q, v, tau, wrenches)
-        response.acceleration = floats_to_ros(order.answer(a))
+        _fill(response, order.answer, acceleration=a)
         response.warnings = [
             *limit_warnings(dynamics.arm, q, v, tau),
             *_fill_motors(response, order, dynamics.arm, tau, v, a)]
@@ -210,15 +207,13 @@ class DynamicsServices:
         q = order.position(request.position)
         v = order.rate(request.velocity, 'velocity')
         response.joint_names = list(order.names)
-        response.mass_matrix = floats_to_ros(order.answer_form(body.mass_matrix(q)))
-        response.coriolis_matrix = floats_to_ros(order.answer_form(body.coriolis_matrix(q, v)))
-        response.gravity = floats_to_ros(order.answer(body.gravity(q)))
         nonlinear = body.nonlinear(q, v)
-        response.nonlinear = floats_to_ros(order.answer(nonlinear))
-        response.friction = floats_to_ros(order.answer(dynamics.friction_effort(v, nonlinear)))
+        _fill(response, order.answer, gravity=body.gravity(q), nonlinear=nonlinear,
+              friction=dynamics.friction_effort(v, nonlinear))
+        _fill(response, order.answer_form, mass_matrix=body.mass_matrix(q),
+              coriolis_matrix=body.coriolis_matrix(q, v))
         if request.include_christoffel:
-            response.christoffel = floats_to_ros(
-                order.answer_form(body.christoffel_symbols(q)))
+            _fill(response, order.answer_form, christoffel=body.christoffel_symbols(q))
         response.kinetic_energy = body.kinetic_energy(q, v)
         response.potential_energy = body.potential_energy(q)
         response.warnings = limit_warnings(dynamics.arm, q, v)
@@ -254,16 +249,6 @@ class DynamicsServices:
         response.warnings = self._payloads.warnings(controller.arm)
 
 
-def _in_order(trajectory: JointTrajectory, order: JointOrder) -> JointTrajectory:
-    def answer(values: FloatArray | None) -> FloatArray | None:
-        return None if values is None else order.answer(values)
-
-    return JointTrajectory(order.names, tuple(
-        TrajectoryPoint(point.time_from_start, order.answer(point.position),
-                        answer(point.velocity), answer(point.acceleration))
-        for point in trajectory.points))
-
-
 def _answering(handler: Handler) -> Callable[[Any, Any], Any]:
     def answer(request: Any, response: Any) -> Any:
         handler(request, response)
@@ -271,6 +256,14 @@ def _answering(handler: Handler) -> Callable[[Any, Any], Any]:
         return response
 
     return answer
+
+
+def _fill(
+    response: Any, in_order: Callable[[FloatArray], FloatArray], **values: FloatArray,
+) -> None:
+    """Fill in fields of a response with arrays over joints; `in_order` is of a JointOrder."""
+    for name, value in values.items():
+        setattr(response, name, floats_to_ros(in_order(value)))
 
 
 def _fill_motors(
@@ -281,8 +274,6 @@ def _fill_motors(
     if arm.actuators is None:
         return []
     load = arm.actuators.load(effort, v, a)
-    response.motor_current = floats_to_ros(order.answer(load.current))
-    response.motor_voltage = floats_to_ros(order.answer(load.voltage))
-    response.current_ratio = floats_to_ros(order.answer(load.current_ratio))
-    response.voltage_ratio = floats_to_ros(order.answer(load.voltage_ratio))
+    _fill(response, order.answer, motor_current=load.current, motor_voltage=load.voltage,
+          current_ratio=load.current_ratio, voltage_ratio=load.voltage_ratio)
     return motor_warnings(arm, load)

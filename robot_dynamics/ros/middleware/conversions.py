@@ -132,15 +132,18 @@ def trajectory_from_ros(message: JointTrajectoryMsg, joint_names: Sequence[str])
         joint_names)
 
 
-def trajectory_to_ros(trajectory: JointTrajectory) -> JointTrajectoryMsg:
-    """Return the message of a trajectory, which starts on arrival."""
-    message = JointTrajectoryMsg(joint_names=list(trajectory.joint_names))
+def trajectory_to_ros(
+    trajectory: JointTrajectory, order: JointOrder | None = None,
+) -> JointTrajectoryMsg:
+    """Return the message of a trajectory, which starts on arrival, in `order` if it is given."""
+    names = order.names if order else trajectory.joint_names
+    message = JointTrajectoryMsg(joint_names=list(names))
     for point in trajectory.points:
-        entry = JointTrajectoryPoint(positions=floats_to_ros(point.position))
-        if point.velocity is not None:
-            entry.velocities = floats_to_ros(point.velocity)
-        if point.acceleration is not None:
-            entry.accelerations = floats_to_ros(point.acceleration)
+        position, velocity, acceleration = (
+            [] if values is None else floats_to_ros(order.answer(values) if order else values)
+            for values in (point.position, point.velocity, point.acceleration))
+        entry = JointTrajectoryPoint(
+            positions=position, velocities=velocity, accelerations=acceleration)
         nanoseconds = round(point.time_from_start * NANOSECONDS_PER_SECOND)
         entry.time_from_start.sec, entry.time_from_start.nanosec = divmod(
             nanoseconds, NANOSECONDS_PER_SECOND)
