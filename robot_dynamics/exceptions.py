@@ -13,10 +13,11 @@ class RobotDynamicsError(Exception):
 
     def __init__(self, message: str = '') -> None:
         """Take the message; if it exceeds LONGEST_MESSAGE, its middle is omitted."""
-        super().__init__(_shortened(message))
+        super().__init__(shortened(message))
 
 
-def _shortened(message: str) -> str:
+def shortened(message: str) -> str:
+    """Return a text of at most LONGEST_MESSAGE characters, without the middle of a longer one."""
     if len(message) <= LONGEST_MESSAGE:
         return message
     # The field comes first and the expectation last.

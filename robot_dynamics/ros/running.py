@@ -37,22 +37,26 @@ FULL_PASSES_APART = 1000
 
 
 def run_node(
-    make_node: Callable[[], Node], args: Sequence[str] | None = None,
-    usage: NodeUsage | None = None,
+    make_node: Callable[[], Node], usage: NodeUsage, args: Sequence[str] | None = None,
 ) -> int:
     """
     Run a node until it is asked to stop; return the exit status.
 
-    With `usage`, `--help` prints it and returns 0. An argument outside `--ros-args` is reported
+    `--help` prints `usage` and returns 0. An argument outside `--ros-args` is reported
     in one line, and the status is 2.
 
     If a node cannot start, the reason is printed in one line and the status is 1. If the node has
     a method `request_shutdown`, a separate thread calls it as soon as the node is asked to stop,
     even while a callback runs.
     """
-    status = None if usage is None else _look_at_arguments(args, usage)
-    if status is not None:
-        return status
+    arguments = sys.argv if args is None else args
+    others = outside_of_ros_args(arguments[1:])
+    if {'-h', '--help'} & set(others):
+        print(usage.help(), end='')
+        return 0
+    if others:
+        print(usage.refusal(others), file=sys.stderr)
+        return 2
     with ShutdownRequest() as end:
         try:
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
@@ -62,7 +66,7 @@ def run_node(
         executor = SingleThreadedExecutor()
         try:
             node = make_node()
-            log_ignored_sections(node, sys.argv if args is None else args)
+            log_ignored_sections(node, arguments)
             executor.add_node(node)
             end.when_asked(_when_asked(node))
             limit_memory()
@@ -94,18 +98,6 @@ def _destroy_middleware() -> None:
     """
     gc.unfreeze()
     gc.collect()
-
-
-def _look_at_arguments(args: Sequence[str] | None, usage: NodeUsage) -> int | None:
-    """Return the exit status if the node must not run, else None."""
-    others = outside_of_ros_args((sys.argv if args is None else args)[1:])
-    if {'-h', '--help'} & set(others):
-        print(usage.help(), end='')
-        return 0
-    if others:
-        print(usage.refusal(others), file=sys.stderr)
-        return 2
-    return None
 
 
 def _when_asked(node: Node) -> Callable[[], None]:

@@ -14,7 +14,7 @@ from typing import Any
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from robot_dynamics.ros.dynamics.node import DynamicsNode
+from robot_dynamics.ros.dynamics.node import DynamicsNode, USAGE
 from robot_dynamics.ros.running import run_node
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
@@ -50,4 +50,4 @@ class FailingNode(DynamicsNode):
 
 
 if __name__ == '__main__':
-    sys.exit(run_node(FailingNode))
+    sys.exit(run_node(FailingNode, USAGE))

@@ -19,8 +19,6 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.publisher import Publisher
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -118,9 +116,8 @@ class ControllerOrder:
         self._seen = 0
         """Number of subscribers at the last command."""
         self._reported: set[str] = set()
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(RECHECK_PERIOD, self.check, clock=clock)
-        self._timer = node.create_timer(LOOK_PERIOD, self.check, clock=clock)
+        node.create_timer(RECHECK_PERIOD, self.check)
+        self._timer = node.create_timer(LOOK_PERIOD, self.check)
         """Runs while a subscriber is unchecked."""
         self.look_now = node.create_guard_condition(self.check).trigger
         """Check at once; may be called in any thread."""

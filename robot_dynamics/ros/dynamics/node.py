@@ -315,7 +315,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(DynamicsNode, args, USAGE)
+    return run_node(DynamicsNode, USAGE, args)
 
 
 if __name__ == '__main__':

@@ -16,7 +16,6 @@ import time
 from typing import Any, NamedTuple
 import warnings
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from rclpy.service import Service
@@ -137,8 +136,7 @@ class ExecutorDelivery(AnswerDelivery):
         """Send what can be sent; a timer calls again while responses wait."""
         super().send_waiting()
         if self.has_waiting and self._timer is None:
-            self._timer = self._node.create_timer(  # simulated time may be paused
-                TURN, self.send_waiting, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            self._timer = self._node.create_timer(TURN, self.send_waiting)
         elif self.has_waiting and self._timer is not None and self._timer.is_canceled():
             self._timer.reset()
         elif not self.has_waiting and self._timer is not None:

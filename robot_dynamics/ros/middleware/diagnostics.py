@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -55,7 +54,7 @@ class Diagnostics:
         self._look = look
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._reported: dict[str, tuple[bytes, object]] = {}
-        node.create_timer(PERIOD, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(PERIOD, self._report)
         self.look_now = node.create_guard_condition(self._report_changes).trigger
         """Check for a change at once; may be called in any thread."""
 

@@ -19,10 +19,11 @@ from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_dynamics.exceptions import InvalidInputError, LONGEST_MESSAGE, RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError, shortened
 from robot_dynamics.model.arm_parameters import FORMER_NAMES
 from robot_dynamics.ros.middleware.answer_delivery import ExecutorDelivery
 from robot_dynamics.ros.middleware.message_bytes import LARGEST_MESSAGE, read_message
@@ -33,9 +34,6 @@ from robot_dynamics.ros.middleware.rclpy_internals import (
     UnknownArgumentsError,
 )
 from robot_dynamics.ros.middleware.shutdown import ends_in_time
-
-LONGEST_REASON = LONGEST_MESSAGE
-"""Largest number of characters of a reason; the middle of a longer one is left out."""
 
 
 @contextmanager
@@ -55,21 +53,15 @@ def destroyed_unless_made(node: Node) -> Iterator[None]:
 
 def describe_error(error: Exception) -> str:
     """Return the text of an error, with its type if the error is unexpected."""
-    words = _words_of(error)
-    half = LONGEST_REASON // 2
-    return words if len(words) <= LONGEST_REASON else f'{words[:half]} … {words[-half:]}'
-
-
-def _words_of(error: Exception) -> str:
     if isinstance(error, (RobotDynamicsError, ParameterException)):
-        return str(error)
+        return shortened(str(error))
     if isinstance(error, RclError):  # a trace through C files follows the message
-        return ' '.join(str(error).partition(', at /')[0].split())
+        return shortened(' '.join(str(error).partition(', at /')[0].split()))
     if isinstance(error, UnknownArgumentsError):
-        return f'unknown ROS arguments {error}'
+        return shortened(f'unknown ROS arguments {error}')
     if isinstance(error, MemoryError):
         return 'this needs more memory than the limit of the node, expected less data at a time'
-    return f'internal error: {error!r}'
+    return shortened(f'internal error: {error!r}')
 
 
 class GuardedCallbacks(Node):
@@ -121,7 +113,12 @@ class GuardedCallbacks(Node):
         self, timer_period_sec: float, callback: Callable[..., None], *args: object,
         **more: object,
     ) -> Any:
-        """Create a timer whose callback cannot end the node."""
+        """
+        Create a timer whose callback cannot end the node.
+
+        By default it follows the steady clock: simulated time may be paused.
+        """
+        more.setdefault('clock', Clock(clock_type=ClockType.STEADY_TIME))
         return super().create_timer(
             timer_period_sec, self._guarded(callback, 'a timer'), *args, **more)
 

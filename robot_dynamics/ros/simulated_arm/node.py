@@ -169,7 +169,7 @@ def _check(values: Values) -> None:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(SimulatedArmNode, args, USAGE)
+    return run_node(SimulatedArmNode, USAGE, args)
 
 
 if __name__ == '__main__':

@@ -13,7 +13,6 @@ import threading
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
-from rclpy.clock import Clock, ClockType
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.external_wrench import ExternalWrench
@@ -101,10 +100,9 @@ class PlantNode(GuardedCallbacks):
             self._loop.real_time_factor = values['real_time_factor']
         self._apply(values)
         self.create_subscription(WrenchStamped, '~/external_wrench', self._on_wrench, 10)
-        self.create_timer(
-            LOOK_PERIOD, GraphWatch(
-                self, {'joint_states': topics.topic}, 'Stop any publisher of joints of this arm.'
-            ).query, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(LOOK_PERIOD, GraphWatch(
+            self, {'joint_states': topics.topic}, 'Stop any publisher of joints of this arm.'
+        ).query)
         self.create_service(Trigger, '~/reset', self._reset)
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         self.get_logger().info(

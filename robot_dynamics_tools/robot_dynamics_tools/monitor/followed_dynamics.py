@@ -15,7 +15,6 @@ from typing import Any
 from geometry_msgs.msg import Inertia, InertiaStamped
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
@@ -62,7 +61,6 @@ class FollowedDynamics:
         self._payloads: list[Payload] = []
         self._known: dict[str, tuple[Inertia, Payload | None]] = {}
         """Payloads by link, so that one that has not changed remains the same object."""
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._client = node.create_client(GetParameters, f'{name}/get_parameters')
         node.create_subscription(
             ParameterEvent, '/parameter_events', self._on_event, qos_profile_parameter_events)
@@ -71,9 +69,9 @@ class FollowedDynamics:
         node.create_subscription(
             String, f'{name}/robot_description', self._on_description, LATCHED,
             largest=LARGEST_DESCRIPTION)
-        self._settle = node.create_timer(SETTLE, self._use_payloads, clock=clock)
+        self._settle = node.create_timer(SETTLE, self._use_payloads)
         self._settle.cancel()
-        node.create_timer(PERIOD, self._look, clock=clock)
+        node.create_timer(PERIOD, self._look)
         node.get_logger().info(f'Waiting for the parameters of the node {name}.')
 
     def status(self) -> Status:

@@ -16,7 +16,6 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point
 import numpy as np
 import pinocchio as pin
-from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -79,8 +78,7 @@ class LiveMarkers:
         self._rests_until = 0.0
         self.is_on = False
         """Whether there are subscribers."""
-        self._timer = node.create_timer(
-            PERIOD, self._draw, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = node.create_timer(PERIOD, self._draw)
         self._timer.cancel()
         self._publisher = node.create_publisher(
             MarkerArray, '~/markers', QoSProfile(depth=1),

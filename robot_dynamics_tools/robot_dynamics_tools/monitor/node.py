@@ -196,7 +196,7 @@ class DynamicsMonitor(GuardedCallbacks):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(DynamicsMonitor, args, USAGE)
+    return run_node(DynamicsMonitor, USAGE, args)
 
 
 if __name__ == '__main__':

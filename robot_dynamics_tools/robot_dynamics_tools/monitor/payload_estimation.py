@@ -13,7 +13,6 @@ from collections import deque
 from dataclasses import replace
 
 import numpy as np
-from rclpy.clock import Clock, ClockType
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.angle_wrapping import nearest_turn
@@ -199,8 +198,7 @@ class PayloadEstimation:
         self._end(NOT_STARTED)
         self._run = run
         self._samples.begin()
-        self._timer = self._node.create_timer(
-            PERIOD, self._take, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = self._node.create_timer(PERIOD, self._take)
 
     def stop(self) -> None:
         """End the estimation."""

@@ -110,7 +110,7 @@ def _check(values: Values) -> None:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node."""
-    return run_node(MujocoArmNode, args, USAGE)
+    return run_node(MujocoArmNode, USAGE, args)
 
 
 if __name__ == '__main__':

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import ControlLoop
@@ -94,9 +93,7 @@ class FollowJointTrajectoryServer:
             return
         # A goal that waits for its client in `_take` must not stop the other callbacks.
         group = ReentrantCallbackGroup()
-        self._feedback = node.create_timer(  # simulated time may be paused
-            FEEDBACK_PERIOD, self._publish_feedback, group,
-            clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._feedback = node.create_timer(FEEDBACK_PERIOD, self._publish_feedback, group)
         self._feedback.cancel()
         self._ended = node.create_guard_condition(self._look, group)
         self._turned = node.create_guard_condition(self._count_turn, group)
