@@ -12,7 +12,6 @@ import time
 from typing import Any
 
 import numpy as np
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import NonFiniteEffortError
@@ -26,6 +25,7 @@ from robot_dynamics.ros.dynamics.drive_commands import DriveCommands
 from robot_dynamics.ros.dynamics.served import ArmMessages, Served
 from robot_dynamics.ros.dynamics.state_log import ControlCounters, StateLog
 from robot_dynamics.ros.middleware.cdr_templates import SensedState
+from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 from robot_dynamics.ros.middleware.joint_state_reader import OtherJointsError
 from robot_dynamics.ros.middleware.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.middleware.rclpy_internals import raw_publish, subscription_count
@@ -44,7 +44,7 @@ class ControlPath:
     """Publishes the efforts for each joint state, with the stamp of this state."""
 
     def __init__(
-        self, node: Node, count_publishers: Callable[[], int],
+        self, node: GuardedCallbacks, count_publishers: Callable[[], int],
         when_changed: Callable[[], object],
     ) -> None:
         """

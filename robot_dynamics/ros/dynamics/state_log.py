@@ -11,10 +11,10 @@ import time
 from typing import NamedTuple
 
 import numpy as np
-from rclpy.node import Node
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
+from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 
 MOST_ARRIVALS = 5000
@@ -94,24 +94,16 @@ class ControlCounters:
 
 
 class StateLog:
-    """
-    Logs at most one line per kind and LOG_PERIOD.
+    """Logs at most one line per kind and LOG_PERIOD."""
 
-    rclpy throttles per source line, but `warn` is one source line for all kinds.
-    """
-
-    def __init__(self, node: Node, counters: ControlCounters) -> None:
+    def __init__(self, node: GuardedCallbacks, counters: ControlCounters) -> None:
         self._node, self._counters = node, counters
         self.bandwidth_scale = self._reported_scale = 1.0
         self._refused = ''
-        self._logged_at: dict[str, float] = {}
 
     def warn(self, kind: str, words: str) -> None:
         """Log a warning of a kind."""
-        now = time.monotonic()
-        if now - self._logged_at.get(kind, -math.inf) >= LOG_PERIOD:
-            self._logged_at[kind] = now
-            self._node.get_logger().warning(words)
+        self._node.log_rarely(f'joint states: {kind}', self._node.get_logger().warning, words)
 
     def count(self, reason: str) -> None:
         """Count a dropped state without logging it."""

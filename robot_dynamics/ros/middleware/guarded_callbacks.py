@@ -202,11 +202,17 @@ class GuardedCallbacks(Node):
 
     def _failed(self, what: str, error: Exception) -> None:
         self.callback_errors += 1
-        # One pause per callback; the throttle of rclpy would have one for all callbacks.
+        if self.context.ok():
+            self.log_rarely(
+                what, self.get_logger().error,
+                f'The callback of {what} failed: {describe_error(error)}')
+
+    def log_rarely(self, kind: str, log: Callable[[str], object], words: str) -> None:
+        """Call `log` at most once per kind and LOG_PERIOD: rclpy throttles per source line."""
         now = time.monotonic()
-        if self.context.ok() and now - self._logged_at.get(what, -math.inf) > LOG_PERIOD:
-            self._logged_at[what] = now
-            self.get_logger().error(f'The callback of {what} failed: {describe_error(error)}')
+        if now - self._logged_at.get(kind, -math.inf) >= LOG_PERIOD:
+            self._logged_at[kind] = now
+            log(words)
 
 
 def _check_parameter_types(request: Any) -> None:

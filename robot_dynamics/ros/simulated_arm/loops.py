@@ -26,7 +26,7 @@ from robot_dynamics.ros.middleware.cdr_templates import (
     state_template,
 )
 from robot_dynamics.ros.middleware.conversions import stamp_to_ros
-from robot_dynamics.ros.middleware.guarded_callbacks import describe_error
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import message_inbox
@@ -113,7 +113,7 @@ class _Loop(ABC):
     """A thread that waits for efforts and for its end."""
 
     def __init__(
-        self, node: Node, plant: SimulatedRobot, topics: ArmTopics, lock: threading.Lock,
+        self, node: GuardedCallbacks, plant: SimulatedRobot, topics: ArmTopics, lock: threading.Lock,
         period: float,
     ) -> None:
         self._node, self._plant, self._topics, self._lock = node, plant, topics, lock
@@ -203,11 +203,14 @@ class WallTimeLoop(_Loop):
         while self._running():
             stamp_ns = first_ns + tick * self._period_ns
             self._topics.publish(stamp_ns, measured)
-            tick += 1
-            due = start + tick * self._period
+            due = start + (tick + 1) * self._period
             self._take_efforts_until(due, stamp_ns)
-            pause = self._pause(stamp_ns, measured)
-            start, due, before = start + pause, due + pause, before + pause
+            if self.is_paused:
+                self._take_efforts_until(time.monotonic() + RESEND_PERIOD)
+                before = time.monotonic()
+                start = before - (tick + 1) * self._period  # the time of the pause does not pass
+                continue
+            tick += 1
             now = time.monotonic()
             passed, before = now - before, now
             if before - due > MAX_LAG:
@@ -226,16 +229,6 @@ class WallTimeLoop(_Loop):
             for _ in range(min(missed, int(LONGEST_GAP / self._period))):
                 tick += 1
                 measured = self._advance()
-
-    def _pause(self, stamp_ns: int, measured: Measured) -> float:
-        """Publish the same state while the simulation is paused; return the duration [s]."""
-        if not self.is_paused:
-            return 0.0  # exactly: the durations of all periods add up
-        begin = time.monotonic()
-        while self.is_paused and self._running():
-            self._topics.publish(stamp_ns, measured)
-            self._take_efforts_until(time.monotonic() + RESEND_PERIOD)
-        return time.monotonic() - begin
 
     def _take_efforts_until(self, deadline: float, stamp_ns: int | None = None) -> None:
         """Take efforts; compute the next state after one with this stamp."""
@@ -283,13 +276,6 @@ class LockStepLoop(_Loop):
 
     real_time_factor = math.inf
 
-    def __init__(
-        self, node: Node, plant: SimulatedRobot, topics: ArmTopics, lock: threading.Lock,
-        period: float,
-    ) -> None:
-        super().__init__(node, plant, topics, lock, period)
-        self._unanswered = UnansweredState(node, topics.states, topics.efforts)
-
     def _run(self) -> None:
         tick = 1  # a stamp of 0 would read as "no stamp"
         least, due = self._period / self.real_time_factor, -math.inf
@@ -311,10 +297,12 @@ class LockStepLoop(_Loop):
 
     def _ask(self, stamp_ns: int, measured: Measured) -> FloatArray | None:
         """Publish a state until its effort arrives; return None if the loop must stop."""
-        self._unanswered.begin(stamp_ns, stamp_ns - self._period_ns)
+        unanswered = UnansweredState(
+            self._node, self._topics.states, self._topics.efforts, stamp_ns,
+            stamp_ns - self._period_ns)
         while self._running():
             self._topics.publish(stamp_ns, measured)
-            self._unanswered.log_reason()
+            unanswered.log_reason()
             deadline = time.monotonic() + RESEND_PERIOD
             while (remaining := deadline - time.monotonic()) > 0.0 and self._running():
                 taken = self._topics.take_effort(remaining)
@@ -322,5 +310,5 @@ class LockStepLoop(_Loop):
                     continue
                 if taken[1] == stamp_ns:
                     return taken[0]
-                self._unanswered.receive_other(taken[1])
+                unanswered.receive_other(taken[1])
         return None

@@ -3,34 +3,33 @@
 
 """The reason why a joint state of `simulated_arm` in lock-step gets no effort."""
 
-import math
 import time
 
-from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 
 UNANSWERED_AFTER = 0.7
 """[s] without an effort for a state after which the reason is logged."""
 
 
 class UnansweredState:
-    """Watches one joint state at a time until its effort arrives, and logs why none does."""
+    """Watches one joint state until its effort arrives, and logs why none does."""
 
-    def __init__(self, node: Node, states: Publisher, efforts: Subscription) -> None:
-        """`states` publishes the joint states, `efforts` receives the efforts."""
+    def __init__(
+        self, node: GuardedCallbacks, states: Publisher, efforts: Subscription, stamp_ns: int,
+        previous_ns: int,
+    ) -> None:
+        """
+        Wait for the effort under `stamp_ns`; one under `previous_ns` may still arrive.
+
+        `states` publishes the joint states, `efforts` receives the efforts.
+        """
         self._node, self._states, self._efforts = node, states, efforts
-        self._logged = ''
-        self._logged_at = -math.inf
-        self.begin(0, 0)
-
-    def begin(self, stamp_ns: int, previous_ns: int) -> None:
-        """Wait for the effort under `stamp_ns`; one under `previous_ns` may still arrive."""
         self._stamp_ns, self._previous_ns = stamp_ns, previous_ns
         self._since = time.monotonic()
-        self._others, self._other_ns = 0, 0
+        self._others = self._other_ns = 0
 
     def receive_other(self, stamp_ns: int) -> None:
         """Count an effort under another stamp than that of the state [ns]."""
@@ -38,18 +37,14 @@ class UnansweredState:
             self._others, self._other_ns = self._others + 1, stamp_ns
 
     def log_reason(self) -> None:
-        """Log the reason if the state has been unanswered for too long: at once if it is new."""
-        now = time.monotonic()
-        waited = now - self._since
-        if waited < UNANSWERED_AFTER:
-            return
-        kind, reason = self._reason()
-        if kind == self._logged and now - self._logged_at < LOG_PERIOD:
-            return
-        self._logged, self._logged_at = kind, now
-        self._node.get_logger().warning(
-            f'lock_step: no effort for the joint state of {_seconds(self._stamp_ns)} s for '
-            f'{waited:.1f} s: {reason}')
+        """Log the reason if the state has been unanswered for too long."""
+        waited = time.monotonic() - self._since
+        if waited >= UNANSWERED_AFTER:
+            kind, reason = self._reason()
+            self._node.log_rarely(
+                f'lock_step: {kind}', self._node.get_logger().warning,
+                f'lock_step: no effort for the joint state of {_seconds(self._stamp_ns)} s for '
+                f'{waited:.1f} s: {reason}')
 
     def _reason(self) -> tuple[str, str]:
         """Return the kind of the reason, and the reason."""
