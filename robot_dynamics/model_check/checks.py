@@ -22,7 +22,7 @@ from robot_dynamics.model_check.finding import ERROR, errors_of, Finding, WARNIN
 from robot_dynamics.model_check.mass_matrix_check import InertiaMatrix, survey_inertia
 from robot_dynamics.model_check.rotor_check import check_rotors
 from robot_dynamics.urdf.inertials import LinkBody, MeshBounds, read_bodies, read_joint_origins
-from robot_dynamics.urdf.parser import parse_urdf, resolve_mimic, UrdfRobot
+from robot_dynamics.urdf.parser import links_from, parse_urdf, resolve_mimic, UrdfRobot
 
 LARGEST_CONDITION = 1e6
 """Condition number of M(q) above which accelerations lose half the digits of their efforts."""
@@ -75,19 +75,8 @@ def _moved_bodies(robot: UrdfRobot, arm: ArmModel, bodies: list[LinkBody]) -> li
     names = {
         name for joint in robot.joints
         if joint.moves and resolve_mimic(joint, robot.joints).leader not in arm.locked_joints
-        for name in _links_from(robot, joint.child)}
+        for name in links_from(robot.joints, [joint.child])}
     return [body for body in bodies if body.name in names]
-
-
-def _links_from(robot: UrdfRobot, link: str) -> set[str]:
-    """Return a link and all links that it carries."""
-    found, frontier = {link}, [link]
-    while frontier:
-        parent = frontier.pop()
-        children = [joint.child for joint in robot.joints if joint.parent == parent]
-        found.update(children)
-        frontier += children
-    return found
 
 
 def _lost_by_pinocchio(arm: ArmModel, moved: list[LinkBody]) -> Iterator[Finding]:
@@ -116,7 +105,8 @@ def _check_inertia_matrix(
     """Yield the joints that move no mass, and the findings about M(q) of the others."""
     masses = {body.name: body.mass or 0.0 for body in moved}
     for name in np.array(arm.joint_names)[M.idle].tolist():
-        mass = sum(masses.get(link, 0.0) for link in _links_from(robot, robot.joint(name).child))
+        carried = links_from(robot.joints, [robot.joint(name).child])
+        mass = sum(masses.get(link, 0.0) for link in carried)
         yield Finding(
             'mass' if mass < body_checks.TINY_MASS else 'inertia', ERROR, name,
             f'joint {name!r} moves {mass:g} kg and no moment of inertia about its axis, so that '

@@ -97,12 +97,9 @@ def parse_urdf(xml: str) -> UrdfRobot:
     if not link_names:
         hint = (': its text declares xmlns:xacro, is it a xacro file without its robot?'
                 if 'xmlns:xacro' in xml else '')
-        raise ModelError(
-            f'robot_description: robot {name!r} has no links, expected at least two{hint}')
+        raise _error(f'robot {name!r} has no links, expected at least two{hint}')
     if len(link_names) > MOST_LINKS:
-        raise ModelError(
-            f'robot_description: robot {name!r} has {len(link_names)} links, expected at most '
-            f'{MOST_LINKS}')
+        raise _error(f'robot {name!r} has {len(link_names)} links, expected at most {MOST_LINKS}')
     for link in root.findall('link'):
         _check_inertial(link)
     elements = root.findall('joint')
@@ -129,6 +126,21 @@ def resolve_mimic(joint: UrdfJoint, joints: Iterable[UrdfJoint]) -> Mimic:
     return relation
 
 
+def links_from(joints: Iterable[UrdfJoint], links: Iterable[str]) -> set[str]:
+    """Return links and all links that they carry."""
+    found, frontier = set(links), list(links)
+    while frontier:
+        parent = frontier.pop()
+        children = [joint.child for joint in joints if joint.parent == parent]
+        found.update(children)
+        frontier += children
+    return found
+
+
+def _error(words: str) -> ModelError:
+    return ModelError(f'robot_description: {words}')
+
+
 def _robot_element(xml: str) -> ElementTree.Element:
     if not xml.strip():
         raise ModelError('robot_description is empty, expected the XML of a URDF')
@@ -147,8 +159,7 @@ def _robot_element(xml: str) -> ElementTree.Element:
     for element in root.iter():
         element.tag = element.tag.removeprefix(namespace)
     if root.tag != 'robot':
-        raise ModelError(
-            f'robot_description has the root element <{root.tag}>, expected <robot>')
+        raise ModelError(f'robot_description has the root element <{root.tag}>, expected <robot>')
     _check_expanded(root)
     return root
 
@@ -177,9 +188,9 @@ def _names_of(elements: Iterable[ElementTree.Element], what: str) -> list[str]:
     for element in elements:
         name = element.get('name')
         if not name:
-            raise ModelError(f'robot_description: a <{what}> has no name')
+            raise _error(f'a <{what}> has no name')
         if name in names:
-            raise ModelError(f'robot_description: two {what}s are named {name!r}')
+            raise _error(f'two {what}s are named {name!r}')
         names[name] = None
     return list(names)
 
@@ -195,26 +206,26 @@ def _number(
     except ValueError:
         value = math.nan
     if math.isnan(value):
-        raise ModelError(f'robot_description: {where}: {attribute}={text!r}, expected a number')
+        raise _error(f'{where}: {attribute}={text!r}, expected a number')
     return value
 
 
-def _finite_number(
+def _finite(
     element: ElementTree.Element | None, attribute: str, default: float, where: str,
+    expected: str, least: float = -math.inf, name: str = '',
 ) -> float:
+    """Return a finite number of at least `least`; `name` replaces the attribute in errors."""
     value = _number(element, attribute, default, where)
-    if math.isinf(value):
-        raise ModelError(
-            f'robot_description: {where}: {attribute}={value:g}, expected a finite number')
-    _check_size(value, attribute, where)
+    if not (math.isfinite(value) and value >= least):
+        given = f'{name} is {value:g}' if name else f'{attribute}={value:g}'
+        raise _error(f'{where}: {given}, expected {expected}')
+    _check_size(value, name or attribute, where)
     return value
 
 
-def _check_size(value: float, attribute: str, where: str) -> None:
+def _check_size(value: float, name: str, where: str) -> None:
     if abs(value) > LARGEST_VALUE:
-        raise ModelError(
-            f'robot_description: {where}: {attribute}={value:g}, expected at most '
-            f'{LARGEST_VALUE:g} in size')
+        raise _error(f'{where}: {name}={value:g}, expected at most {LARGEST_VALUE:g} in size')
 
 
 def _vector(
@@ -226,8 +237,7 @@ def _vector(
     except ValueError:
         values = ()
     if len(values) != 3 or not all(math.isfinite(value) for value in values):
-        raise ModelError(
-            f'robot_description: {where}: {attribute}={text!r}, expected three numbers')
+        raise _error(f'{where}: {attribute}={text!r}, expected three numbers')
     for value in values:
         _check_size(value, attribute, where)
     return values
@@ -245,17 +255,9 @@ def _check_inertial(link: ElementTree.Element) -> None:
         return
     where = f'link {link.get("name")!r}: inertial'
     _check_origin(inertial, where)
-    mass = _number(inertial.find('mass'), 'value', math.nan, where)
-    if not 0.0 <= mass < math.inf:
-        raise ModelError(f'robot_description: {where}: mass is {mass:g}, expected a number >= 0')
-    _check_size(mass, 'mass', where)
-    inertia = inertial.find('inertia')
+    _finite(inertial.find('mass'), 'value', math.nan, where, 'a number >= 0', 0.0, 'mass')
     for entry in INERTIA_ENTRIES:
-        value = _number(inertia, entry, math.nan, where)
-        if not math.isfinite(value):
-            raise ModelError(
-                f'robot_description: {where}: {entry} is {value:g}, expected a number')
-        _check_size(value, entry, where)
+        _finite(inertial.find('inertia'), entry, math.nan, where, 'a number', name=entry)
 
 
 def _end(element: ElementTree.Element, tag: str, link_names: tuple[str, ...]) -> str:
@@ -263,8 +265,8 @@ def _end(element: ElementTree.Element, tag: str, link_names: tuple[str, ...]) ->
     link = None if end is None else end.get('link')
     if link not in link_names or link is None:
         found = 'missing' if link is None else repr(link)
-        raise ModelError(
-            f'robot_description: joint {element.get("name")!r}: {tag} link is {found}, '
+        raise _error(
+            f'joint {element.get("name")!r}: {tag} link is {found}, '
             f'expected one of {list(link_names)}')
     return link
 
@@ -274,23 +276,17 @@ def _parse_joint(element: ElementTree.Element, link_names: tuple[str, ...]) -> U
     where = f'joint {name!r}'
     if kind not in SUPPORTED_KINDS:
         hint = ': an arm needs a fixed base' if kind == 'floating' else ''
-        raise ModelError(
-            f'robot_description: {where} is of type {kind!r}{hint}, '
-            f'expected one of {list(SUPPORTED_KINDS)}')
+        raise _error(f'{where} is of type {kind!r}{hint}, expected one of {list(SUPPORTED_KINDS)}')
     _check_origin(element, where)
     if kind in MOVING_KINDS and math.hypot(
             *_vector(element.find('axis'), 'xyz', '1 0 0', where)) < _SHORTEST_AXIS:
-        raise ModelError(f'robot_description: {where}: axis is zero, expected a direction')
+        raise _error(f'{where}: axis is zero, expected a direction')
     limit = element.find('limit')
     lower, upper = _position_limits(limit, kind, where)
     dynamics = element.find('dynamics')
-    damping = _number(dynamics, 'damping', 0.0, where)
-    friction = _number(dynamics, 'friction', 0.0, where)
-    for attribute, value in (('damping', damping), ('friction', friction)):
-        if not 0.0 <= value < math.inf:
-            raise ModelError(
-                f'robot_description: {where}: {attribute}={value:g}, expected a number >= 0')
-        _check_size(value, attribute, where)
+    damping, friction = (
+        _finite(dynamics, attribute, 0.0, where, 'a number >= 0', 0.0)
+        for attribute in ('damping', 'friction'))
     return UrdfJoint(
         name, kind, _end(element, 'parent', link_names), _end(element, 'child', link_names),
         lower, upper,
@@ -304,17 +300,16 @@ def _position_limits(
     if kind not in ('revolute', 'prismatic'):
         return -math.inf, math.inf
     if limit is None:
-        raise ModelError(
-            f'robot_description: {where} is {kind} and has no <limit>, which URDF requires'
+        raise _error(
+            f'{where} is {kind} and has no <limit>, which URDF requires'
             + (': a joint without limits has the type continuous' if kind == 'revolute' else ''))
     lower, upper = _number(limit, 'lower', 0.0, where), _number(limit, 'upper', 0.0, where)
     if lower > LARGEST_VALUE or upper < -LARGEST_VALUE:
-        raise ModelError(
-            f'robot_description: {where}: lower={lower:g}, upper={upper:g}, expected a range '
+        raise _error(
+            f'{where}: lower={lower:g}, upper={upper:g}, expected a range '
             f'that holds a position in [{-LARGEST_VALUE:g}, {LARGEST_VALUE:g}]')
     if lower > upper:
-        raise ModelError(
-            f'robot_description: {where}: lower={lower:g} is above upper={upper:g}')
+        raise _error(f'{where}: lower={lower:g} is above upper={upper:g}')
     return (lower if lower >= -LARGEST_VALUE else -math.inf,
             upper if upper <= LARGEST_VALUE else math.inf)
 
@@ -322,8 +317,7 @@ def _position_limits(
 def _size_limit(limit: ElementTree.Element | None, attribute: str, where: str) -> float:
     size = _number(limit, attribute, 0.0, where)
     if size < 0.0:
-        raise ModelError(
-            f'robot_description: {where}: {attribute}={size:g}, expected >= 0 (0: unknown)')
+        raise _error(f'{where}: {attribute}={size:g}, expected >= 0 (0: unknown)')
     return size if SMALLEST_DIVISOR <= size <= LARGEST_VALUE else math.inf
 
 
@@ -331,9 +325,10 @@ def _parse_mimic(element: ElementTree.Element, where: str) -> Mimic | None:
     mimic = element.find('mimic')
     if mimic is None or element.get('type') == 'fixed':
         return None
-    return Mimic(
-        mimic.get('joint') or '', _finite_number(mimic, 'multiplier', 1.0, where),
-        _finite_number(mimic, 'offset', 0.0, where))
+    multiplier, offset = (
+        _finite(mimic, attribute, default, where, 'a finite number')
+        for attribute, default in (('multiplier', 1.0), ('offset', 0.0)))
+    return Mimic(mimic.get('joint') or '', multiplier, offset)
 
 
 def _check_tree(link_names: tuple[str, ...], joints: tuple[UrdfJoint, ...]) -> str:
@@ -341,53 +336,34 @@ def _check_tree(link_names: tuple[str, ...], joints: tuple[UrdfJoint, ...]) -> s
     parent_joint: dict[str, UrdfJoint] = {}
     for joint in joints:
         if joint.child in parent_joint:
-            raise ModelError(
-                f'robot_description: link {joint.child!r} is the child of two joints, '
+            raise _error(
+                f'link {joint.child!r} is the child of two joints, '
                 f'{parent_joint[joint.child].name!r} and {joint.name!r}: '
                 'a closed loop, expected a tree')
         parent_joint[joint.child] = joint
     roots = [link for link in link_names if link not in parent_joint]
     if len(roots) > 1:
-        raise ModelError(
-            f'robot_description: links {roots} all have no parent, expected one root')
-    reached, frontier = set(roots), list(roots)
-    children: dict[str, list[str]] = {}
-    for joint in joints:
-        children.setdefault(joint.parent, []).append(joint.child)
-    while frontier:
-        for child in children.get(frontier.pop(), []):
-            reached.add(child)
-            frontier.append(child)
+        raise _error(f'links {roots} all have no parent, expected one root')
+    reached = links_from(joints, roots)
     lost = [link for link in link_names if link not in reached]
     if lost:
-        raise ModelError(
-            f'robot_description: links {lost} form a closed loop that hangs on no root, '
-            'expected a tree')
+        raise _error(f'links {lost} form a closed loop that hangs on no root, expected a tree')
     return roots[0]
 
 
 def _check_mimics(joints: tuple[UrdfJoint, ...]) -> None:
-    by_name = {joint.name: joint for joint in joints}
+    movable = {joint.name: joint for joint in joints if joint.moves}
     for joint in joints:
-        followed, leader = {joint.name}, joint.mimic
-        while leader is not None:
-            if leader.leader not in by_name or not by_name[leader.leader].moves:
-                movable = [other.name for other in joints if other.moves]
-                raise ModelError(
-                    f'robot_description: joint {joint.name!r} mimics {leader.leader!r}, '
-                    f'expected one of {movable}')
-            if leader.leader in followed:
-                raise ModelError(
-                    f'robot_description: joint {joint.name!r} mimics itself, through '
-                    f'{leader.leader!r}')
-            followed.add(leader.leader)
-            leader = by_name[leader.leader].mimic
-        if joint.mimic is not None:
-            _check_relation(joint, joints)
-
-
-def _check_relation(joint: UrdfJoint, joints: tuple[UrdfJoint, ...]) -> None:
-    """Raise ModelError if the relation of a chain of leaders is not finite or too large."""
-    relation, where = resolve_mimic(joint, joints), f'joint {joint.name!r}: mimic chain'
-    _check_size(relation.multiplier, 'multiplier', where)
-    _check_size(relation.offset, 'offset', where)
+        where = f'joint {joint.name!r}'
+        followed, relation = {joint.name}, joint.mimic
+        while relation is not None:
+            if relation.leader not in movable:
+                raise _error(
+                    f'{where} mimics {relation.leader!r}, expected one of {list(movable)}')
+            if relation.leader in followed:
+                raise _error(f'{where} mimics itself, through {relation.leader!r}')
+            followed.add(relation.leader)
+            relation = movable[relation.leader].mimic
+        _, multiplier, offset = resolve_mimic(joint, joints)
+        _check_size(multiplier, 'multiplier', f'{where}: mimic chain')
+        _check_size(offset, 'offset', f'{where}: mimic chain')
