@@ -28,7 +28,6 @@ LARGEST_CONDITION = 1e6
 """Condition number of M(q) above which accelerations lose half the digits of their efforts."""
 LARGEST_SURVEY = 256
 """Largest number of positions at which M(q) is evaluated."""
-_LOST_FRACTION = 1e-6
 
 
 def check_model(
@@ -57,7 +56,7 @@ def check_model(
     of_bodies = [
         *body_checks.check_masses(moved), *body_checks.check_inertias(moved),
         *body_checks.check_extents(moved, read_joint_origins(urdf)), *check_densities(moved),
-        *body_checks.check_lost_masses(moved), *_lost_by_pinocchio(arm, moved)]
+        *body_checks.check_lost_masses(moved)]
     findings = [
         *of_bodies,
         *_check_inertia_matrix(arm, robot, moved, M, bool(errors_of(of_bodies))),
@@ -77,24 +76,6 @@ def _moved_bodies(robot: UrdfRobot, arm: ArmModel, bodies: list[LinkBody]) -> li
         if joint.moves and resolve_mimic(joint, robot.joints).leader not in arm.locked_joints
         for name in links_from(robot.joints, [joint.child])}
     return [body for body in bodies if body.name in names]
-
-
-def _lost_by_pinocchio(arm: ArmModel, moved: list[LinkBody]) -> Iterator[Finding]:
-    """Compare the mass that Pinocchio moves with that of the URDF."""
-    driven = np.abs(arm.coordinates.G).sum(axis=1) > 0.0
-    carried = np.zeros(arm.pinocchio_model.njoints, dtype=bool)
-    for joint in range(1, arm.pinocchio_model.njoints):
-        carried[joint] = any(
-            driven[arm.pinocchio_model.joints[above].idx_v]
-            for above in list(arm.pinocchio_model.supports[joint])[1:])
-    moving_mass = sum(
-        inertia.mass for inertia, counts in zip(arm.unloaded_model.inertias, carried) if counts)
-    written = sum(body.mass or 0.0 for body in moved)
-    if abs(moving_mass - written) > _LOST_FRACTION * max(written, body_checks.TINY_MASS):
-        yield Finding(
-            'lost_mass', WARNING, '',
-            f'the links that move have {written:.6g} kg in the URDF, but {moving_mass:.6g} kg in '
-            'the model, expected the same')
 
 
 # ----------------------------------------------------------------------------------------- joints

@@ -13,11 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.parameters.parameter_file import ParameterFile, write_parameter_file
-from robot_dynamics.ros.parameters.robot_description import (
-    description_from_parameters,
-    embedded_description,
-)
+from robot_dynamics.ros.parameters.robot_description import description_from_parameters
 from robot_dynamics.urdf.description_file import read_description_file
 from robot_dynamics.urdf.yaml_text import load_yaml
 
@@ -104,7 +102,7 @@ def arm_arguments(
     elif file is not None:
         description = _description_in(file, [full_name(namespace, name) for name in nodes])
     if description is None and 'simulated_arm' in nodes:
-        description = overrides['robot_description'] = embedded_description()
+        description = overrides['robot_description'] = default_arm_urdf()
     return ArmArguments(namespace, file, description, values['log_level'], overrides)
 
 

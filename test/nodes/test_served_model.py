@@ -106,7 +106,7 @@ def states(node: Any, observer: Observer, ends: threading.Event) -> None:
         name=['a1', 'b1', 'a2', 'b2'], position=np.repeat(Q, 2).tolist(), velocity=[0.0] * 4)))
     with np.errstate(over='ignore', invalid='ignore'):
         while not ends.is_set():
-            with node._path.lock:
+            with node._path.command.lock:
                 loop = node._path.loop
                 controller, limits = loop.controller, loop.supervisor.limiter.limits
                 body, planned = controller.dynamics.rigid_body, controller.load.planning.arm.limits

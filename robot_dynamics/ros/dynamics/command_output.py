@@ -24,7 +24,7 @@ from robot_dynamics.control.loop import ControlLoop, LoopAnswer
 from robot_dynamics.control.safety.ending import Ending
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
-from robot_dynamics.ros.dynamics.command_status import command_status, CommandCounters
+from robot_dynamics.ros.dynamics.command_status import command_verdict, CommandCounters
 from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
 from robot_dynamics.ros.dynamics.served import Served
 from robot_dynamics.ros.middleware.diagnostics import Status
@@ -211,10 +211,9 @@ class CommandOutput:
         self.counters.published += 1
 
     def follow(self, answer: LoopAnswer) -> None:
-        """Log and count what has changed with this answer."""
-        with self.lock:
-            self.counters.count_limits(answer.output, answer.limits)
-            self.log_changes()
+        """Log and count what has changed with this answer; the caller holds `lock`."""
+        self.counters.count_limits(answer.output, answer.limits)
+        self.log_changes()
 
     def fail(self, fault: Fault) -> None:
         """Start the fault action."""
@@ -286,10 +285,10 @@ class CommandOutput:
         """Return the state of the command for the diagnostics."""
         with self._changed:
             loop = self.loop
-            mode, fault = None, self._latched
-            if loop is not None:
-                mode, fault = loop.supervisor.mode, loop.supervisor.standing_fault
-            return command_status(
-                self.counters, mode, fault,
-                is_off=self.is_active and loop is not None and (
-                    loop.controller.options.command == NO_COMMAND))
+            mode, fault = (None, self._latched) if loop is None else (
+                loop.supervisor.mode, loop.supervisor.standing_fault)
+            is_off = self.is_active and loop is not None and (
+                loop.controller.options.command == NO_COMMAND)
+            return Status(
+                'command', *command_verdict(self.counters, mode, fault, is_off),
+                self.counters.figures)

@@ -13,7 +13,7 @@ from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.safety.effort_limiter import ActiveLimits
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
-from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
+from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, WARN
 
 TELL_FOR = 1.0
 """[s] for which the diagnostics report an effort that a limit has changed."""
@@ -65,22 +65,16 @@ def active_words(command: str, states: str, node: str) -> str:
             f'on {states}.')
 
 
-def command_status(
+def command_verdict(
     counters: CommandCounters, mode: Mode | None, fault: Fault | None, is_off: bool,
-) -> Status:
+) -> tuple[bytes, str]:
     """
-    Return the state of the command for the diagnostics.
+    Return level and message of the command for the diagnostics.
 
     `mode` and `fault` are the mode and the standing fault of the supervisor; without a model,
     `mode` is None and `fault` the latched one. `is_off` is whether the node is active and its
     parameter command is 'none'.
     """
-    return Status('command', *_verdict(counters, mode, fault, is_off), counters.figures)
-
-
-def _verdict(
-    counters: CommandCounters, mode: Mode | None, fault: Fault | None, is_off: bool,
-) -> tuple[bytes, str]:
     if fault is not None:
         return ERROR, str(fault)
     if mode is None:

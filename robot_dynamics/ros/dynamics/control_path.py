@@ -4,8 +4,6 @@
 """From a joint state message to effort messages: the control path of `dynamics`."""
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
-from dataclasses import replace
 from functools import partial
 import math
 import time
@@ -30,7 +28,6 @@ from robot_dynamics.ros.middleware.joint_state_reader import OtherJointsError
 from robot_dynamics.ros.middleware.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.middleware.rclpy_internals import raw_publish, subscription_count
 from robot_dynamics.ros.middleware.state_assembly import ForeignJointsError
-from robot_dynamics.ros.parameters.declared_parameters import Values
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
 
@@ -74,25 +71,16 @@ class ControlPath:
         self.command = CommandOutput(node, NEWEST_ONLY, when_changed)
 
     @property
-    def served(self) -> Served | None:
-        """What is served, or None."""
-        return self.command.served
-
-    @property
     def loop(self) -> ControlLoop | None:
         """The control loop of the arm that is served, or None."""
         return self.command.loop
 
-    @property
-    def lock(self) -> AbstractContextManager[object]:
-        """The lock of the control path, which it holds while it answers a state."""
-        return self.command.lock
-
     def serve(self, served: Served) -> None:
         """Serve this from the next joint state on; the goal before ends."""
         loop = served.loop
-        loop.gate.plausibility.has_age = self._has_age
-        with self.lock:
+        # with use_sim_time stamps have no age
+        loop.gate.plausibility.has_age = lambda: not self._node.get_clock().ros_time_is_active
+        with self.command.lock:
             before = self.loop
             if before is not None:
                 before.goals.end(Ending(Kind.HOLD, 'another model was loaded'))
@@ -100,15 +88,9 @@ class ControlPath:
                     loop.goals.interruption = 'another model was loaded'
             self.command.serve(served)
 
-    def set_values(self, values: Values) -> None:
-        """Serve the same arm with other parameters."""
-        served = self.served
-        if served is not None:
-            self.command.served = replace(served, values=values)
-
     def forget(self) -> None:
         """Serve no arm."""
-        with self.lock:
+        with self.command.lock:
             if self.loop is not None:
                 self.loop.goals.end(Ending(Kind.HOLD, 'the model was unloaded'))
             self.command.forget()
@@ -248,10 +230,6 @@ class ControlPath:
                 reader, state, q, gravity,
                 answer.effort if self.command.has_listeners() or self._drives.has_listeners()
                 else None)
-
-    def _has_age(self) -> bool:
-        """Return whether stamps have an age: with use_sim_time they have none."""
-        return not self._node.get_clock().ros_time_is_active
 
     def _publish(self, state: SensedState, served: Served, answer: LoopAnswer) -> None:
         messages, output = served.messages, answer.output

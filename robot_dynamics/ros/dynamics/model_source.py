@@ -9,7 +9,7 @@ no command is published. ~/robot_description contains the one in use, for other 
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -19,6 +19,7 @@ from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.worst_gravity import BRIEF, QUICK
 from robot_dynamics.model_check.finding import refuse_errors
 from robot_dynamics.model_check.report import check_description
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.parameters import options_from
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error
@@ -26,7 +27,6 @@ from robot_dynamics.ros.parameters.declared_parameters import Values
 from robot_dynamics.ros.parameters.robot_description import (
     check_joint_count,
     description_from_parameters,
-    embedded_description,
 )
 from robot_dynamics.urdf.document import LARGEST_DESCRIPTION
 from std_msgs.msg import String
@@ -34,13 +34,6 @@ from std_msgs.msg import String
 LARGEST_ARM = 12
 """Largest number of joints for the quick search at the start; above it, the brief search runs."""
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-class UseModel(Protocol):
-    """Serves an arm from now on; raises RobotDynamicsError if that is not possible."""
-
-    def __call__(self, arm: ArmModel, is_embedded: bool) -> None:
-        ...
 
 
 class _Model(NamedTuple):
@@ -54,25 +47,21 @@ class ModelSource:
 
     def __init__(
         self, node: Node, values: Callable[[], Values], payloads: PayloadKeeper,
-        is_commanding: Callable[[], bool], use: UseModel,
+        is_commanding: Callable[[], bool], use: Callable[[ArmModel, bool], None],
     ) -> None:
         """
         Take the dependencies of a model.
 
-        `values` returns the parameters; `is_commanding` whether efforts are published; `use` is
-        called with each new model.
+        `values` returns the parameters; `is_commanding` whether efforts are published; `use`
+        serves an arm from now on, which may be the embedded one, or raises RobotDynamicsError.
         """
         self._node, self._values, self._payloads = node, values, payloads
         self._is_commanding, self._use = is_commanding, use
         self._current: _Model | None = None
-        self._waiting: _Model | None = None
+        self.waiting: _Model | None = None
+        """A new model that waits until it can be loaded."""
         self._subscription: Any = None
         self._in_use = node.create_publisher(String, '~/robot_description', LATCHED)
-
-    @property
-    def has_waiting(self) -> bool:
-        """Whether a new model waits until it can be loaded."""
-        return self._waiting is not None
 
     def load(self) -> None:
         """Use the first model, or wait for one; raise RobotDynamicsError for an invalid one."""
@@ -95,17 +84,17 @@ class ModelSource:
 
     def forget(self) -> None:
         """Forget all models, until `load`."""
-        self._current = self._waiting = None
+        self._current = self.waiting = None
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
             self._subscription = None
 
     def take_waiting(self) -> None:
         """Use the waiting model, if that is possible now."""
-        waiting = self._waiting
+        waiting = self.waiting
         if waiting is None or self._is_commanding() or not self._payloads.suit(waiting.arm):
             return
-        self._waiting = None
+        self.waiting = None
         try:
             self._take(waiting)
         except Exception as error:  # the parameters may have changed
@@ -120,7 +109,7 @@ class ModelSource:
         """Return why the embedded arm cannot be used without a description, empty if it can."""
         values, topic = self._values(), self._node.resolve_topic_name('~/commands')
         try:
-            load_arm(embedded_description(), values['joints'], values['gravity'])
+            load_arm(default_arm_urdf(), values['joints'], values['gravity'])
         except InvalidInputError:
             return f'joints is {list(values["joints"])}, but no robot_description was given'
         if topic != f'{self._node.get_fully_qualified_name()}/commands':
@@ -128,10 +117,10 @@ class ModelSource:
         return ''
 
     def _use_embedded_arm(self) -> None:
-        xml = embedded_description()
+        xml = default_arm_urdf()
         model = _Model(xml, self._checked_arm(xml), is_embedded=True)
         if not self._payloads.suit(model.arm):  # they may belong to a later description
-            self._waiting = model
+            self.waiting = model
             self._node.get_logger().error(f'No model in use: {self._payloads.obstacle}.')
             return
         self._take(model)
@@ -141,16 +130,16 @@ class ModelSource:
             'robot_description_file, or publish the topic robot_description.')
 
     def _on_description(self, message: String) -> None:
-        self._waiting, current = None, self._current
+        self.waiting, current = None, self._current
         is_embedded = current is not None and current.is_embedded
         if current is not None and message.data == current.xml and not is_embedded:
             return
         model = _Model(message.data, self._checked_arm(message.data))
         if not self._payloads.suit(model.arm):
-            self._waiting = model
+            self.waiting = model
             self._payloads.check(model.arm)
         elif self._is_commanding() and not is_embedded:
-            self._waiting = model
+            self.waiting = model
             self._node.get_logger().error(
                 'Kept the model in use while commanding: the new robot_description will be '
                 'loaded after the command stops (no joint states, or ~/change_state).')

@@ -3,7 +3,8 @@
 
 """The node `dynamics`: commands for joint states, and services of robot dynamics."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 import math
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -113,10 +114,13 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._set_up()
 
     def _set_up(self) -> None:
+        self._closers = closers = list[Callable[[], None]]()
+        """End the command first, then the threads."""
         self._configuring_failed: Exception | None = None
         self._is_starting = False
         self._path = ControlPath(
             self, lambda: self._loop.publisher_count(), Diagnostics(self, self._statuses).look_now)
+        closers.append(self._path.command.close)
         self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
         self._payloads = PayloadKeeper(self, lambda: self._settings.values)
         self._gravity = BaseGravity(self, lambda: self._settings.values, self._use_gravity)
@@ -130,12 +134,13 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._trajectories = TrajectoryInput(self, self._path)
         subscribe_laws(self, self._path, self._trajectories)
         self._action = FollowJointTrajectoryServer(self, self._path, self._trajectories)
-        self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
+        closers += [self._action.close, UrgentService(self, Trigger, '~/stop', self._stop).close]
         self._report = StateReport(self._path.counters, lambda: self._path.loop)
         self._loop = MessageLoop(
             self, JointState, 'joint_states', STATES, JointStateDecoder().decode,
             self._path.on_state, self._path.refuse,
             source=lambda state: tuple(state.name))
+        closers.append(self._loop.stop)
         if self._settings.values['autostart']:
             self._start()
         self.call_when_spun(self._loop.start)
@@ -166,16 +171,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         if self._is_destroyed:
             return
         self._is_destroyed = True
-        path, loop = getattr(self, '_path', None), getattr(self, '_loop', None)
-        urgent, action = getattr(self, '_stop_service', None), getattr(self, '_action', None)
-        if path is not None:
-            path.command.close()
-        if loop is not None:
-            loop.stop()
-        if urgent is not None:
-            urgent.close()
-        if action is not None:
-            action.close()
+        for close in self._closers:
+            close()
         super().destroy_node()
 
     # ------------------------------------------------------------------ lifecycle
@@ -243,7 +240,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def _use_model(self, arm: ArmModel, is_embedded: bool) -> None:
         values = self._settings.values
         self._payloads.check(arm)
-        controller = Controller(arm, options_from(values, arm), lock=self._path.lock)
+        controller = Controller(arm, options_from(values, arm), lock=self._path.command.lock)
         if self._payloads:
             controller.set_payloads(self._payloads.payloads, 0.0, lambda _: None)
         if self._gravity.measured is not None:
@@ -252,7 +249,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         check = EffortCheck(self, arm, convention)
         external = ExternalEffortFault(self, controller, convention, values)
         messages = ArmMessages(arm.joint_names, is_embedded)
-        with self._path.lock:  # between two states, as the loop continues that of the last model
+        with self._path.command.lock:  # between two states: the loop continues the last one
             loop = ControlLoop(
                 controller, effort_limits(values, arm), safety_options(values), self._path.loop)
             loop.gate.plausibility.max_age = values['state_max_age']
@@ -274,21 +271,21 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         if values['imu_rpy']:
             check_vector('imu_rpy', values['imu_rpy'], 3, ('roll', 'pitch', 'yaw'))
         convention_from_parameters(values)
-        served = self._path.served
+        served = self._path.command.served
         if served is not None:
             options_from(values, served.arm)
 
     def _apply(self, values: Values) -> None:
-        served = self._path.served
+        served = self._path.command.served
         if served is None:
             return
         arm, loop = served.arm, served.loop
         options, limits = options_from(values, arm), effort_limits(values, arm)
-        with self._path.lock:  # between two states
+        with self._path.command.lock:  # between two states
             loop.set_options(options, limits, safety_options(values))
             loop.gate.plausibility.max_age = values['state_max_age']
             served.external.set_limits(values)
-            self._path.set_values(values)
+            self._path.command.served = replace(served, values=values)
         self._path.command.notify()
         self._gravity.take(values)
 
@@ -296,7 +293,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
 
     def _statuses(self) -> list[Status]:
         self._models.take_waiting()
-        served = self._path.served
+        served = self._path.command.served
         return [
             *self._report.statuses(state_timeout(self._settings.values)),
             self._trajectories.status(),
@@ -308,7 +305,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                 'model', WARN if served is None else OK,
                 'none yet' if served is None else served.arm.name,
                 {'command': self._settings.values['command'],
-                 'a new one waits': self._models.has_waiting,
+                 'a new one waits': self._models.waiting is not None,
                  'callbacks that failed': self.callback_errors}),
             *([] if served is None else [served.external.status(), served.check.status()])]
 

@@ -47,8 +47,9 @@ class PayloadKeeper:
         `values` returns the parameters of the node.
         """
         self._node, self._values = node, values
-        self.payloads = self._at_start = payloads_at_start(values())
+        self.payloads = payloads_at_start(values())
         """All payloads that were set, at most one per link."""
+        self._start = describe_payloads(self.payloads)
         self.obstacle = ''
         """Reason why the newest model cannot carry the payloads, empty if it can."""
         self._publisher = node.create_publisher(InertiaStamped, '~/payload', ALL_PAYLOADS)
@@ -93,10 +94,6 @@ class PayloadKeeper:
         report = describe_change(self.payloads, payloads)
         self.payloads, self.obstacle = payloads, ''
         return f'{report}; a restart begins with {self._start}'
-
-    @property
-    def _start(self) -> str:
-        return describe_payloads(self._at_start)
 
     def remove(self, link: str) -> str:
         """Do the same without a model: remove the payload of a link, or all if it is empty."""

@@ -12,7 +12,6 @@ from robot_dynamics.joints.effort_calibration import LARGEST_SCALE, LEAST_SCALE
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.parameters.declared_parameters import (
     number,
     numbers,
@@ -171,8 +170,3 @@ def description_from_parameters(values: Values) -> str | None:
             f'robot_description_file is {file!r} and robot_description is given too, '
             'expected one of them')
     return read_description_file(file, FILE) if file else xml or None
-
-
-def embedded_description() -> str:
-    """Return the URDF of the planar two-link arm."""
-    return default_arm_urdf()

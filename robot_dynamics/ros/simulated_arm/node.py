@@ -12,6 +12,7 @@ from robot_dynamics.joints.effort_convention import ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import describe_change
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import wrenches_from_ros
 from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.parameters import robot_description
@@ -121,8 +122,7 @@ class SimulatedArmNode(plant_node.PlantNode):
     def _set_up(self) -> None:
         self._settings = DeclaredParameters(self, SPECS, _check, self._apply)
         values = self._settings.values
-        xml = robot_description.description_from_parameters(values) or (
-            robot_description.embedded_description())
+        xml = robot_description.description_from_parameters(values) or default_arm_urdf()
         self._arm = arm_from_parameters(xml, values)
         robot_description.check_joint_count(self._arm)
         self._simulation = ArmSimulation(

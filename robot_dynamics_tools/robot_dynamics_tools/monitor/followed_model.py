@@ -16,6 +16,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
 from robot_dynamics.model.payload import describe_payloads, Payload
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.base_gravity import BaseGravity
 from robot_dynamics.ros.dynamics.external_effort_fault import CONTACT_SPECS, OBSERVER_SPECS
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
@@ -114,7 +115,7 @@ class FollowedModel:
                 self._gravity is not None) else np.array(values['gravity'])
             self._current = Followed(
                 base, self._xml, values, gravity, self._payloads,
-                self._xml == robot_description.embedded_description())
+                self._xml == default_arm_urdf())
             self._use(self._current)
             self._obstacle = ''
         except RobotDynamicsError as error:

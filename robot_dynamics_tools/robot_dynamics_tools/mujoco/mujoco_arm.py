@@ -10,6 +10,7 @@ import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import wrench_from_ros
 from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.parameters.declared_parameters import (
@@ -20,7 +21,6 @@ from robot_dynamics.ros.parameters.declared_parameters import (
     Values,
 )
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
-from robot_dynamics.ros.parameters.robot_description import embedded_description
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.simulated_arm import plant_node
 from robot_dynamics.simulation.plant import SimulatedRobot
@@ -86,7 +86,7 @@ class MujocoArmNode(plant_node.PlantNode):
         if values['mjcf']:
             model = mujoco_simulation.load_mjcf(description_path(values['mjcf'], 'mjcf'))
         else:
-            model = mujoco_simulation.model_of_mjcf(arm_to_mjcf(load_arm(embedded_description())))
+            model = mujoco_simulation.model_of_mjcf(arm_to_mjcf(load_arm(default_arm_urdf())))
         self._simulation = mujoco_simulation.MujocoSimulation(
             model, values['mjcf_joints'] or values['joints'], values['joints'],
             values['initial_position'] or None)

@@ -279,17 +279,15 @@ class DynamicsClient:
 
         Raises ModelError where it is in a file that is not on this machine.
         """
-        from robot_dynamics.ros.parameters.robot_description import (
-            description_from_parameters,
-            embedded_description,
-        )
+        from robot_dynamics.planar.urdf import default_arm_urdf
+        from robot_dynamics.ros.parameters.robot_description import description_from_parameters
         xml = description_from_parameters(
             self.parameters(['robot_description', 'robot_description_file']))
         if xml is None:
             topic = f'{self.name.rpartition("/")[0]}/robot_description'
             if self.wait(lambda: self.node.count_publishers(topic), _GLANCE):
                 xml = self.receive(String, topic, LATCHED, lambda message: str(message.data))
-        return embedded_description() if xml is None else xml
+        return default_arm_urdf() if xml is None else xml
 
     def base_link(self) -> str:
         """Return the root link of the URDF that the node uses."""

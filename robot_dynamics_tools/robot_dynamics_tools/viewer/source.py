@@ -8,7 +8,7 @@ import time
 from typing import Any, NamedTuple
 
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.ros.parameters.robot_description import embedded_description
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.urdf.description_file import description_path, read_description
 from robot_dynamics_tools.viewer.node import DESCRIBING, ViewerNode
 
@@ -75,7 +75,7 @@ class ArmSource:
                     self.problem = (
                         f'{error}; expected the file also here, or on the topic robot_description')
                     return
-        self._found = Description(xml or self._topic_xml or embedded_description(), None, joints)
+        self._found = Description(xml or self._topic_xml or default_arm_urdf(), None, joints)
 
 
 def _of_file(file: str, field: str, joints: tuple[str, ...] = ()) -> Description:

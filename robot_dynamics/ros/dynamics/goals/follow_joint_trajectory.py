@@ -186,7 +186,7 @@ class FollowJointTrajectoryServer:
         return self._result(result.code, result.message)
 
     def _start(self, request: Any) -> tuple[ControlLoop, TrajectoryGoal]:
-        served = self._path.served
+        served = self._path.command.served
         if served is None:
             raise InvalidInputError('no model yet: no trajectory can be followed')
         loop, names = served.loop, served.arm.joint_names
