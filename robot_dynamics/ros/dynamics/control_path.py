@@ -124,8 +124,8 @@ class ControlPath:
         """Publish the efforts for a state, and what follows from it."""
         command, messages, steady_ns = self.command, served.messages, time.monotonic_ns()
         values = None
-        if state.layout is messages.layout and not messages.foreign_joints:  # the usual case
-            values = state.numbers[messages.places]
+        if messages.is_open and state.layout is messages.reader.layout:  # the usual case
+            values = state.numbers[messages.reader.places]
             if not math.isfinite(sum(values.tolist())):
                 values = None
         if values is not None:
@@ -155,13 +155,13 @@ class ControlPath:
         if messages.foreign_joints:
             self._log.refuse_embedded(messages.foreign_joints)
             return None
-        if messages.awaits_description and self._description_is_published(messages):
+        if not messages.is_open and self._description_is_published(messages):
             self._log.count('robot_description not received yet')
             return None
         try:
             state = messages.assembly.take(received)
         except ForeignJointsError as error:
-            messages.foreign_joints = str(error)
+            messages.foreign_joints, messages.is_open = str(error), False
             self._log.refuse_embedded(str(error))
             return None
         if state is None:
@@ -173,19 +173,17 @@ class ControlPath:
     def _read(
         self, served: Served, state: SensedState,
     ) -> tuple[FloatArray, FloatArray | None]:
-        """Return position and velocity (n,) of a state, and learn where its layout has them."""
+        """Return position and velocity (n,) of a state."""
         messages = served.messages
         q, v = messages.reader.read(state)
         messages.has_effort = len(state.effort) > 0
         if not messages.has_effort:
             served.check.lack_effort()
-        if state.layout is messages.assembly.whole and not messages.awaits_description:
-            messages.layout, messages.places = state.layout, messages.reader.places
         return q, v
 
     def _description_is_published(self, messages: ArmMessages) -> bool:
         """Return whether a description that is not received yet will replace the embedded arm."""
-        messages.awaits_description = time.monotonic() - messages.used_at < DISCOVERY_TIME
+        messages.is_open = time.monotonic() - messages.used_at >= DISCOVERY_TIME
         return bool(self._node.count_publishers('robot_description') > 0)
 
     # ------------------------------------------------------------------ after the command

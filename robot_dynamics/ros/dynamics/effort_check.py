@@ -67,8 +67,15 @@ class EffortCheck:
             return
         if verdict is None:
             self._wait(self._check.waiting)
+            return
+        words = gravity_check.verdict_in_words(verdict, self._names, self._convention)
+        self._verdict = verdict
+        self._finish(words)
+        logger = self._node.get_logger()
+        if verdict.agrees:
+            logger.info(f'Effort check passed: {words}')
         else:
-            self._conclude(verdict)
+            logger.warning(f'Effort check: {words}')
 
     def status(self) -> Status:
         """Return the condition that the check waits for, or its verdict, for the diagnostics."""
@@ -85,16 +92,6 @@ class EffortCheck:
         if reason not in self._said:
             self._said.add(reason)
             self._node.get_logger().info(f'Effort check: {reason}')
-
-    def _conclude(self, verdict: gravity_check.GravityVerdict) -> None:
-        words = gravity_check.verdict_in_words(verdict, self._names, self._convention)
-        self._verdict = verdict
-        self._finish(words)
-        logger = self._node.get_logger()
-        if verdict.agrees:
-            logger.info(f'Effort check passed: {words}')
-        else:
-            logger.warning(f'Effort check: {words}')
 
     def _finish(self, words: str) -> None:
         self._words, self.done = words, True

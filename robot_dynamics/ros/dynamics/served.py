@@ -6,8 +6,6 @@
 from dataclasses import dataclass
 import time
 
-import numpy as np
-from robot_dynamics.arrays import IntArray
 from robot_dynamics.control.feed_forward import FeedForward
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.model.arm import ArmModel
@@ -16,7 +14,6 @@ from robot_dynamics.ros.dynamics.external_effort_fault import ExternalEffortFaul
 from robot_dynamics.ros.middleware.cdr_templates import (
     array_template,
     effort_template,
-    Layout,
     state_template,
     terms_template,
 )
@@ -33,14 +30,12 @@ class ArmMessages:
         self.joint_count = len(joint_names)
         self.assembly = StateAssembly(joint_names, is_embedded)
         self.reader = JointStateReader(joint_names)
-        self.layout: Layout | None = None
-        """The layout of complete states whose numbers `places` finds."""
-        self.places: IntArray = np.zeros(0, dtype=np.intp)
         self.has_effort = False
         """Whether the last state that was read has efforts."""
         self.foreign_joints = ''
         """Reason why the embedded arm is not served, empty if it is."""
-        self.awaits_description, self.used_at = is_embedded, time.monotonic()
+        self.is_open, self.used_at = not is_embedded, time.monotonic()
+        """Whether no description is awaited, and there are no foreign joints."""
         self.command = effort_template(joint_names)
         self.bare_command = array_template(len(joint_names))
         self.effort = effort_template(joint_names)

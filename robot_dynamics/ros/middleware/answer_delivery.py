@@ -137,10 +137,8 @@ class ExecutorDelivery(AnswerDelivery):
         super().send_waiting()
         if self.has_waiting and self._timer is None:
             self._timer = self._node.create_timer(TURN, self.send_waiting)
-        elif self.has_waiting and self._timer is not None and self._timer.is_canceled():
-            self._timer.reset()
-        elif not self.has_waiting and self._timer is not None:
-            self._timer.cancel()
+        elif self._timer is not None:
+            (self._timer.reset if self.has_waiting else self._timer.cancel)()
 
 
 def is_discovered(node: Node, service: Service) -> bool:

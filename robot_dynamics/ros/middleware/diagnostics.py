@@ -4,6 +4,7 @@
 """The publisher of `dynamics` on /diagnostics: once per second, and after a change."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -55,11 +56,9 @@ class Diagnostics:
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._reported: dict[str, tuple[bytes, object]] = {}
         node.create_timer(PERIOD, self._report)
-        self.look_now = node.create_guard_condition(self._report_changes).trigger
+        self.look_now = node.create_guard_condition(
+            partial(self._report, even_unchanged=False)).trigger
         """Check for a change at once; may be called in any thread."""
-
-    def _report_changes(self) -> None:
-        self._report(even_unchanged=False)
 
     def _report(self, even_unchanged: bool = True) -> None:
         statuses = self._look()

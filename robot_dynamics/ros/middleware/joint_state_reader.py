@@ -26,9 +26,10 @@ class JointStateReader:
         self._joint_names = joint_names
         self._known_names: list[str] | None = None
         self._index: IntArray = np.zeros(0, dtype=np.intp)
-        self._layout: Layout | None = None
+        self.layout: Layout | None = None
+        """The layout of the last message that was read."""
         self.places: IntArray = np.zeros(0, dtype=np.intp)
-        """Indices of positions and velocities of the joints in the numbers of the last layout."""
+        """Indices of positions and velocities of the joints in its numbers."""
 
     def read(self, message: JointState | SensedState) -> tuple[FloatArray, FloatArray | None]:
         """
@@ -40,7 +41,7 @@ class JointStateReader:
         """
         n = len(self._joint_names)
         layout = message.layout if isinstance(message, SensedState) else None
-        if layout is not None and layout is self._layout:
+        if layout is not None and layout is self.layout:
             values = message.numbers[self.places]
             if all_finite(values):
                 return values[:n], values[n:] if len(values) > n else None
@@ -104,7 +105,7 @@ class JointStateReader:
         if has_velocity:
             self.places = np.concatenate(
                 (self.places, layout.velocity.start + self._index))
-        self._layout = layout
+        self.layout = layout
 
     def _values(
         self, message: JointState | SensedState, field: str, largest: float | None = FINITE,

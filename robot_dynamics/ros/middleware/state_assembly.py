@@ -9,8 +9,6 @@ message with all joints of the arm is a state. Messages with some of the joints 
 state is complete when every joint has a sample of the last half period. It has the newest stamp.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.exceptions import InvalidInputError
@@ -53,13 +51,6 @@ class _Part:
         return True
 
 
-class _Buffer(NamedTuple):
-    """The newest samples of n joints: position, velocity, effort (3, n), and stamps (n,) [ns]."""
-
-    numbers: FloatArray
-    stamps: IntArray
-
-
 class StateAssembly:
     """Assembles the states of one arm."""
 
@@ -70,7 +61,10 @@ class StateAssembly:
         self.whole: Layout | None = None
         """The last layout of messages with all joints."""
         self._parts: dict[tuple[str, ...], _Part] = {}
-        self._buffer = _Buffer(np.full((3, n), np.nan), np.full(n, -1, dtype=np.int64))
+        self._numbers: FloatArray = np.full((3, n), np.nan)
+        """The newest samples: position, velocity, effort."""
+        self._stamps: IntArray = np.full(n, -1, dtype=np.int64)
+        """Their stamps [ns]."""
         self._layouts = tuple(
             Layout(slice(0, n), slice(n, 2 * n), slice(2 * n, end)) for end in (2 * n, 3 * n))
         self.missing: list[str] = []
@@ -109,21 +103,19 @@ class StateAssembly:
         if len(state.position) != len(key):
             raise InvalidInputError(
                 f'position has {len(state.position)} values, expected {len(key)} as name has')
-        numbers, stamps = self._buffer
+        numbers, stamps = self._numbers, self._stamps
         if not part.happened(state.stamp_ns):  # the stamps went back
             stamps[:] = -1
         for row, values in zip(numbers, (state.position, state.velocity, state.effort)):
             row[part.rows] = values[part.columns] if len(values) == len(key) else np.nan
         stamps[part.rows] = state.stamp_ns
         newest = int(stamps.max())
-        outdated = (stamps < 0) | (newest - stamps > self._largest_age())
+        # the largest age of a sample [ns]; 0 until the period is known
+        largest = HALF_PERIOD * max(part.period for part in self._parts.values())
+        outdated = (stamps < 0) | (newest - stamps > largest)
         self.missing = [name for name, lacks in zip(self._names, outdated) if lacks]
         if self.missing:
             return None
         layout = self._layouts[not np.isnan(numbers[2]).all()]
         return SensedState(
             stamp_bytes(newest), newest, list(self._names), numbers.ravel().copy(), layout)
-
-    def _largest_age(self) -> float:
-        """Return the largest age of a sample [ns]; 0 until the period is known."""
-        return HALF_PERIOD * max(part.period for part in self._parts.values())

@@ -57,8 +57,8 @@ class ParameterSpec:
     default: Any
     description: str
     read_only: bool = False
-    minimum: float | None = None
-    maximum: float | None = None
+    minimum: float = -math.inf
+    maximum: float = math.inf
     choices: tuple[str, ...] = ()
 
     def descriptor(self) -> ParameterDescriptor:
@@ -69,32 +69,26 @@ class ParameterSpec:
         if self.choices:
             descriptor.additional_constraints = (
                 f'{"each " if self.kind is Type.STRING_ARRAY else ""}one of {list(self.choices)}')
-        if self.minimum is not None and self.maximum is not None:
-            if self.kind is Type.DOUBLE:
-                descriptor.floating_point_range = [FloatingPointRange(
-                    from_value=float(self.minimum), to_value=float(self.maximum))]
-            elif self.kind is Type.INTEGER:
-                descriptor.integer_range = [IntegerRange(
-                    from_value=int(self.minimum), to_value=int(self.maximum), step=1)]
-            else:  # rclpy checks ranges of scalars only; `check` checks arrays
-                descriptor.additional_constraints = (
-                    f'each in [{self.minimum:g}, {self.maximum:g}]')
+        if self.kind is Type.DOUBLE:
+            descriptor.floating_point_range = [FloatingPointRange(
+                from_value=float(self.minimum), to_value=float(self.maximum))]
+        elif self.kind is Type.INTEGER:
+            descriptor.integer_range = [IntegerRange(
+                from_value=int(self.minimum), to_value=int(self.maximum), step=1)]
+        elif self.kind is Type.DOUBLE_ARRAY:  # rclpy checks ranges of scalars only
+            descriptor.additional_constraints = f'each in [{self.minimum:g}, {self.maximum:g}]'
         return descriptor
 
     def check(self, value: Any) -> None:
-        """Raise InvalidInputError, which names this parameter, for an invalid value."""
+        """Raise InvalidInputError, which names this parameter, for what rclpy does not check."""
         if self.choices and self.kind is Type.STRING_ARRAY:
             for i, choice in enumerate(value):
                 check_choice(f'{self.name}[{i}]', choice, self.choices)
         elif self.choices:
             check_choice(self.name, value, self.choices)
-        low = self.minimum if self.minimum is not None else -math.inf
-        high = self.maximum if self.maximum is not None else math.inf
-        if self.kind in (Type.DOUBLE, Type.INTEGER):
-            check_scalar(self.name, value, low, high)
-        elif self.kind in (Type.DOUBLE_ARRAY, Type.INTEGER_ARRAY):
+        elif self.kind is Type.DOUBLE_ARRAY:
             for i, number in enumerate(value):
-                check_scalar(f'{self.name}[{i}]', number, low, high)
+                check_scalar(f'{self.name}[{i}]', number, self.minimum, self.maximum)
 
 
 def number(

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
-from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.effort_convention import ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
 from robot_dynamics.model.external_wrench import ExternalWrench
@@ -37,7 +36,7 @@ from robot_dynamics.ros.simulated_arm import plant_node
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, DEFAULT_MAX_STEP
 from robot_dynamics.simulation.drive_loop import drive_loop_from
 from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
-from robot_dynamics.validation import check_scalar
+from robot_dynamics.validation import check_scalar, check_vector
 from robot_dynamics_interfaces.srv import SetPayload
 
 DRIVE_LOOP_SPECS = (
@@ -160,9 +159,7 @@ class SimulatedArmNode(plant_node.PlantNode):
 
 
 def _check(values: Values) -> None:
-    if len(values['gravity']) != 3:
-        raise InvalidInputError(
-            f'gravity has {len(values["gravity"])} values, expected 3: x, y, z')
+    check_vector('gravity', values['gravity'], 3, ('x', 'y', 'z'))
     convention_from_parameters(values)
     plant_node.check_pause(values)
 
