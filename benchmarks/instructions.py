@@ -7,7 +7,7 @@ Processor instructions per joint state in `dynamics_node`, up to the command.
 The benchmark counts instructions with callgrind (valgrind) instead of timing them, so that the
 figures repeat to about 0.5 % on a busy machine. A `DynamicsNode` for an arm of 7 joints runs in a
 process under callgrind, and a process without callgrind subscribes to `effort_command`. The main
-thread passes serialized joint states to `MessageLoop._deliver`. Counting starts at the call of
+thread passes serialized joint states to `JointStateLoop._deliver`. Counting starts at the call of
 `_deliver` and ends before the publish call of `effort_command`. The figure in brackets includes
 this publish call. Both figures include:
 

@@ -17,7 +17,7 @@ PROCESSES = (
     (4.5, 2.0, GREEN, 'ros2 dynamics, viewer,\nrecordings'),
     (4.5, 1.3, GREEN, 'dynamics_monitor'))
 BOXES = (
-    (0, 0.3, BLUE, 'message_loop\ncdr_templates'), (1, 0.3, BLUE, 'gate'),
+    (0, 0.3, BLUE, 'joint_state_loop\ncdr_templates'), (1, 0.3, BLUE, 'gate'),
     (2, 0.3, BLUE, 'planner\nfollower'), (3, 0.3, BLUE, 'controller\ncomputed_torque'),
     (4, 0.3, BLUE, 'effort_limiter\nsupervisor'), (5, 0.3, BLUE, 'command_output'))
 """Place, colour and modules of each step of a state."""

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import RclError, UnknownArgumentsError
 from robot_dynamics.ros.middleware.shutdown import ends_in_time, ShutdownRequest
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage, outside_of_ros_args

@@ -7,8 +7,8 @@ Calls and modules of this package that one joint state passes, and the messages 
 Each 'call' event of `sys.setprofile` in a function of the package counts as one call. There is
 also one for a property, a lambda, a comprehension, and for each start or resumption of a
 generator. A module is a file of the package. The tests count from the call of
-`MessageLoop._deliver` to its return, while the node follows a trajectory and only `effort_command`
-has a subscriber.
+`JointStateLoop._deliver` to its return, while the node follows a trajectory and only
+`effort_command` has a subscriber.
 """
 
 from collections import Counter

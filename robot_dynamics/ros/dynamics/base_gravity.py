@@ -14,7 +14,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.ros.parameters.declared_parameters import numbers, Values
 from robot_dynamics.urdf.values import rotation
 from sensor_msgs.msg import Imu

@@ -28,7 +28,7 @@ from robot_dynamics.ros.dynamics.command_status import command_verdict, CommandC
 from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
 from robot_dynamics.ros.dynamics.served import Served
 from robot_dynamics.ros.middleware.diagnostics import Status
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import raw_publish, RclError, subscription_count
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray

@@ -7,7 +7,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.control.loop import LoopAnswer
 from robot_dynamics.ros.dynamics.served import Served
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import raw_publish, subscription_count
 from sensor_msgs.msg import JointState
 

@@ -23,8 +23,8 @@ from robot_dynamics.monitoring.external_effort import ExternalEffort, joint_effo
 from robot_dynamics.monitoring.state_plausibility import StateVerdict
 from robot_dynamics.ros.middleware.cdr_templates import SensedState
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
+from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 from robot_dynamics.ros.parameters.declared_parameters import (
     flag,
     number,

@@ -8,7 +8,6 @@ from dataclasses import replace
 import math
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.feed_forward import FeedForward
@@ -35,7 +34,6 @@ from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.served import ArmMessages, Served
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.dynamics.state_log import StateReport
-from robot_dynamics.ros.middleware.cdr_templates import JointStateDecoder
 from robot_dynamics.ros.middleware.diagnostics import Diagnostics, OK, Status, WARN
 from robot_dynamics.ros.middleware.graph_watch import GraphWatch
 from robot_dynamics.ros.middleware.guarded_callbacks import (
@@ -43,18 +41,14 @@ from robot_dynamics.ros.middleware.guarded_callbacks import (
     destroyed_unless_made,
     GuardedCallbacks,
 )
-from robot_dynamics.ros.middleware.message_loop import MessageLoop, MOST_WAITING
+from robot_dynamics.ros.middleware.joint_state_loop import JointStateLoop
 from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.middleware.urgent_service import UrgentService
 from robot_dynamics.ros.parameters.declared_parameters import DeclaredParameters, Values
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.validation import check_vector
-from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
-
-STATES = QoSProfile(depth=MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
-
 
 USAGE = NodeUsage(
     'dynamics_node', 'dynamics',
@@ -136,10 +130,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._action = FollowJointTrajectoryServer(self, self._path, self._trajectories)
         closers += [self._action.close, UrgentService(self, Trigger, '~/stop', self._stop).close]
         self._report = StateReport(self._path.counters, lambda: self._path.loop)
-        self._loop = MessageLoop(
-            self, JointState, 'joint_states', STATES, JointStateDecoder().decode,
-            self._path.on_state, self._path.refuse,
-            source=lambda state: tuple(state.name))
+        self._loop = JointStateLoop(self, self._path.on_state, self._path.refuse)
         closers.append(self._loop.stop)
         if self._settings.values['autostart']:
             self._start()

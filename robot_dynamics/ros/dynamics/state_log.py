@@ -15,7 +15,7 @@ from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 
 MOST_ARRIVALS = 5000
 """Number of stored arrivals: those of more than a second at 1 kHz."""

@@ -9,7 +9,7 @@ import time
 
 from rclpy.node import Node
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 
 LOOK_PERIOD = 1.0
 """[s] between two queries of the graph."""

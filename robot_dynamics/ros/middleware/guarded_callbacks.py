@@ -26,8 +26,8 @@ from rclpy.parameter import Parameter
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError, shortened
 from robot_dynamics.model.arm_parameters import FORMER_NAMES
 from robot_dynamics.ros.middleware.answer_delivery import ExecutorDelivery
+from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.message_bytes import LARGEST_MESSAGE, read_message
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import (
     RclError,
     replace_callback,

@@ -15,7 +15,7 @@ from typing import Any
 from rclpy.node import Node
 from robot_dynamics.ros.middleware.answer_delivery import AnswerDelivery
 from robot_dynamics.ros.middleware.answer_delivery import TURN as DELIVERY_TURN
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD, TURN
+from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD, TURN
 from robot_dynamics.ros.middleware.rclpy_internals import service_with_inbox
 
 

@@ -27,8 +27,8 @@ from robot_dynamics.ros.middleware.cdr_templates import (
 )
 from robot_dynamics.ros.middleware.conversions import stamp_to_ros
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import message_inbox
 from robot_dynamics.ros.simulated_arm.unanswered_state import UnansweredState
 from robot_dynamics.simulation.plant import Measured, SimulatedRobot
@@ -113,8 +113,8 @@ class _Loop(ABC):
     """A thread that waits for efforts and for its end."""
 
     def __init__(
-        self, node: GuardedCallbacks, plant: SimulatedRobot, topics: ArmTopics, lock: threading.Lock,
-        period: float,
+        self, node: GuardedCallbacks, plant: SimulatedRobot, topics: ArmTopics,
+        lock: threading.Lock, period: float,
     ) -> None:
         self._node, self._plant, self._topics, self._lock = node, plant, topics, lock
         self._period = period

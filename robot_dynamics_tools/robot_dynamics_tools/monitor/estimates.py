@@ -22,7 +22,7 @@ from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.ros.middleware.cdr_templates import effort_template
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import subscription_count
 from robot_dynamics.ros.parameters.declared_parameters import Values
 from robot_dynamics_tools.monitor.contacts import LiveContacts

@@ -11,16 +11,15 @@ It changes no command: it only subscribes, and asks `dynamics` for its parameter
 from collections.abc import Sequence
 import threading
 
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.ros.middleware.cdr_templates import JointStateDecoder, SensedState
+from robot_dynamics.ros.middleware.cdr_templates import SensedState
 from robot_dynamics.ros.middleware.diagnostics import Diagnostics, Status
 from robot_dynamics.ros.middleware.guarded_callbacks import (
     destroyed_unless_made,
     GuardedCallbacks,
 )
+from robot_dynamics.ros.middleware.joint_state_loop import JointStateLoop
 from robot_dynamics.ros.middleware.message_bytes import UnreadableMessageError
-from robot_dynamics.ros.middleware.message_loop import MessageLoop, MOST_WAITING
 from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.parameters.declared_parameters import DeclaredParameters, Values
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
@@ -39,10 +38,8 @@ from robot_dynamics_tools.monitor.payload_estimation import (
 )
 from robot_dynamics_tools.monitor.payload_request import PayloadRequest
 from robot_dynamics_tools.monitor.states import StateInput
-from sensor_msgs.msg import JointState
 
 NODE = 'dynamics_monitor'
-STATES = QoSProfile(depth=MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 USAGE = NodeUsage(
     NODE, NODE,
@@ -94,9 +91,7 @@ class DynamicsMonitor(GuardedCallbacks):
         self._models = FollowedModel(self, self._use)
         self._dynamics = FollowedDynamics(
             self, dynamics, NAMES, self._models.set_model, self._models.set_payloads)
-        self._loop = MessageLoop(
-            self, JointState, 'joint_states', STATES, JointStateDecoder().decode, self._on_state,
-            self._refuse, source=lambda state: tuple(state.name))
+        self._loop = JointStateLoop(self, self._on_state, self._refuse)
         Diagnostics(self, self._statuses)
         self.call_when_spun(self._loop.start)
 

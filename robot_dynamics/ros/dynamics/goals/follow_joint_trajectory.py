@@ -41,7 +41,7 @@ from robot_dynamics.ros.middleware.conversions import (
     trajectory_from_ros,
 )
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 FEEDBACK_PERIOD = 0.05

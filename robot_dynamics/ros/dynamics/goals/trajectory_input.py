@@ -27,7 +27,7 @@ from robot_dynamics.ros.middleware.diagnostics import (
     WARN,
 )
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.validation import check_named
 from sensor_msgs.msg import JointState

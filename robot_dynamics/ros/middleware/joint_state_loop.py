@@ -10,15 +10,16 @@ control. Here a separate thread waits on a wait set that has only the state subs
 rclpy.wait_for_message does.
 """
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 import threading
-from typing import Any
 
 import numpy as np
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from robot_dynamics.ros.middleware.cdr_templates import JointStateDecoder, SensedState
 from robot_dynamics.ros.middleware.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.middleware.rclpy_internals import message_inbox
+from sensor_msgs.msg import JointState
 
 TURN = 100_000_000
 """[ns] after which a wait checks whether the loop must end."""
@@ -28,37 +29,31 @@ LOG_PERIOD = 5.0
 """[s] between warnings of one kind."""
 
 
-def _one_source(message: Any) -> Hashable:
-    return None
-
-
-class MessageLoop:
+class JointStateLoop:
     """
-    A subscription whose callback runs in a separate thread.
+    The subscription of joint_states, whose callback runs in a separate thread.
 
-    If several messages wait after a delivery, only the newest one per source is delivered.
+    If several messages wait after a delivery, only the newest one per source is delivered, where
+    the messages of a source have the same joint names.
     """
 
     def __init__(
-        self, node: Node, message_type: type, topic: str, qos: QoSProfile,
-        read: Callable[[bytes], Any], callback: Callable[[Any], None],
+        self, node: Node, callback: Callable[[SensedState], None],
         refuse: Callable[[UnreadableMessageError], None],
-        source: Callable[[Any], Hashable] = _one_source,
     ) -> None:
         """
-        Subscribe; `callback` receives the result of `read`, without the warnings of numpy.
+        Subscribe; `callback` receives the states, without the warnings of numpy.
 
-        `refuse` receives the errors of `read`. Neither of the two may raise. `source` returns a
-        key that is equal for all messages of one source.
+        `refuse` receives the errors of messages that cannot be read. Neither of the two may raise.
         """
         self._node, self._context = node, node.context
-        self._read, self._callback, self._refuse = read, callback, refuse
-        self._source = source
+        self._read, self._callback, self._refuse = JointStateDecoder().decode, callback, refuse
         self._stop = False
-        self._inbox = inbox = message_inbox(node, message_type, topic, qos)
+        self._inbox = inbox = message_inbox(node, JointState, 'joint_states', QoSProfile(
+            depth=MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT))
         self._subscription, self._take_next = inbox.subscription, inbox.take
         self._thread = threading.Thread(
-            target=self._run, args=(inbox.wait,), name=f'{topic} loop', daemon=True)
+            target=self._run, args=(inbox.wait,), name='joint_states loop', daemon=True)
         self.start = self._thread.start
         """Starts the thread."""
 
@@ -80,14 +75,11 @@ class MessageLoop:
 
     def _run(self, wait: Callable[[int], None]) -> None:
         with np.errstate(over='ignore', invalid='ignore'):  # once, not per message
-            self._wait_and_deliver(wait)
-
-    def _wait_and_deliver(self, wait: Callable[[int], None]) -> None:
-        while not self._stop and self._context.ok():
-            wait(TURN)
-            data = None if self._stop else self._take()
-            if data is not None:  # None if the wait has timed out
-                self._deliver(data)
+            while not self._stop and self._context.ok():
+                wait(TURN)
+                data = None if self._stop else self._take()
+                if data is not None:  # None if the wait has timed out
+                    self._deliver(data)
 
     def _deliver(self, data: bytes) -> None:
         """Deliver this message at once, and the newest ones of those that wait after it."""
@@ -105,14 +97,14 @@ class MessageLoop:
         """Deliver the newest of the waiting messages per source; pass errors to `refuse`."""
         while len(waiting) < MOST_WAITING and (following := self._take()) is not None:
             waiting.append(following)
-        newest: dict[Hashable, Any] = {}
+        newest: dict[tuple[str, ...], SensedState] = {}
         for data in waiting:
             try:
                 message = self._read(data)
             except UnreadableMessageError as error:
                 self._refuse(error)
                 continue
-            source = self._source(message)
+            source = tuple(message.name)
             newest.pop(source, None)
             newest[source] = message
         for message in newest.values():
