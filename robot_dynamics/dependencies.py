@@ -62,7 +62,6 @@ def optional(module: str, purpose: str) -> Any:
 
     Raises MissingDependencyError if the library is not installed.
     """
-    require(purpose, module.partition('.')[0])
     try:
         return importlib.import_module(module)
     except ImportError:

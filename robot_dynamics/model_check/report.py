@@ -115,11 +115,10 @@ def _count(number: int, name: str) -> str:
 
 def _rows(finding: Finding, ignored: Sequence[str]) -> list[str]:
     """Return the name of the check, followed by its message in wrapped lines."""
-    message = textwrap.wrap(
-        finding.message + _note(finding, ignored), _WIDTH - 24, break_long_words=False,
-        break_on_hyphens=False)
-    return [f'  {name:20}  {text}' for name, text in zip(
-        [finding.check, *[''] * (len(message) - 1)], message)]
+    return textwrap.wrap(
+        finding.message + _note(finding, ignored), _WIDTH,
+        initial_indent=f'  {finding.check:20}  ', subsequent_indent=' ' * 24,
+        break_long_words=False, break_on_hyphens=False)
 
 
 def _note(finding: Finding, ignored: Collection[str]) -> str:

@@ -14,6 +14,7 @@ from typing import Any
 
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.ros.middleware.graph_watch import full_name
 from robot_dynamics.ros.parameters.parameter_file import ParameterFile, write_parameter_file
 from robot_dynamics.ros.parameters.robot_description import description_from_parameters
 from robot_dynamics.urdf.description_file import read_description_file
@@ -70,7 +71,7 @@ class ArmArguments:
         """
         files = [] if self.file is None else [str(self.file.path)]
         if values := {**self.overrides, **more}:
-            name = full_name(self.namespace, node)
+            name = full_name(node, self.namespace)
             section = '/**' if self.file is None else self.file.last_section(name)
             files.append(write_parameter_file(section, values))
         return files
@@ -100,15 +101,10 @@ def arm_arguments(
     if description is not None:
         overrides |= {'robot_description': description, 'robot_description_file': ''}
     elif file is not None:
-        description = _description_in(file, [full_name(namespace, name) for name in nodes])
+        description = _description_in(file, [full_name(name, namespace) for name in nodes])
     if description is None and 'simulated_arm' in nodes:
         description = overrides['robot_description'] = default_arm_urdf()
     return ArmArguments(namespace, file, description, values['log_level'], overrides)
-
-
-def full_name(namespace: str, node: str) -> str:
-    """Return the full name of a node in an absolute namespace."""
-    return f'{namespace.rstrip("/")}/{node}'
 
 
 def values_by_arm(values: Mapping[str, str]) -> list[dict[str, str]]:

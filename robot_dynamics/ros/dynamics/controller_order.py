@@ -23,6 +23,7 @@ from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.publisher import Publisher
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from robot_dynamics.control.safety.faults import Fault
+from robot_dynamics.ros.middleware.graph_watch import full_name
 from robot_dynamics.ros.middleware.rclpy_internals import RclError, subscription_count
 
 LOOK_PERIOD = 0.1
@@ -47,8 +48,7 @@ class _Subscriber:
     def __init__(self, node: Node, info: TopicEndpointInfo) -> None:
         self._node, self._of = node, (info.node_name, info.node_namespace)
         self._is_node = info.node_name not in NO_NODE
-        self.name = f'{info.node_namespace.rstrip("/")}/{info.node_name}' if self._is_node else (
-            'a DDS reader that is no node')
+        self.name = full_name(*self._of) if self._is_node else 'a DDS reader that is no node'
         self.is_checked = self.has_service = False
         self.joints: list[str] | None = None
         self._service, self._since = f'{self.name}/get_parameters', time.monotonic()

@@ -23,6 +23,7 @@ from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.task_space.state import TaskSpaceState
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.urdf.pinocchio_xml import INERTIA_ENTRIES
 from robot_dynamics.validation import check_vector, LARGEST_VALUE
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from robot_dynamics_interfaces.srv import TaskSpace
@@ -99,9 +100,8 @@ def payload_to_ros(payload: Payload | None) -> InertiaStamped:
     inertia, tensor = message.inertia, payload.inertia
     inertia.m = payload.mass
     inertia.com.x, inertia.com.y, inertia.com.z = payload.com.tolist()
-    inertia.ixx, inertia.ixy, inertia.ixz = tensor[0].tolist()
-    inertia.iyy, inertia.iyz, inertia.izz = float(tensor[1, 1]), float(tensor[1, 2]), float(
-        tensor[2, 2])
+    for entry, value in zip(INERTIA_ENTRIES, tensor[np.triu_indices(3)].tolist()):
+        setattr(inertia, entry, value)
     return message
 
 

@@ -16,6 +16,11 @@ LOOK_PERIOD = 1.0
 NAME = 'other nodes'
 
 
+def full_name(name: str, namespace: str) -> str:
+    """Return the full name of a node."""
+    return f'{namespace.rstrip("/")}/{name}'
+
+
 class GraphWatch:
     """Logs other publishers of a node's topics, and other nodes of the same full name."""
 
@@ -46,7 +51,7 @@ class GraphWatch:
         if now - self._looked_at < LOOK_PERIOD:
             return
         self._looked_at = now
-        nodes = [_full_name(name, namespace)
+        nodes = [full_name(name, namespace)
                  for name, namespace in self._node.get_node_names_and_namespaces()]
         self._figures = {'nodes of this name': nodes.count(self._name)}
         self._findings = [] if nodes.count(self._name) < 2 else [
@@ -58,25 +63,18 @@ class GraphWatch:
                 self._findings.append(f'{topic} has other publishers: {self._others(topic)}')
         if self._findings != self._reported and now - self._reported_at >= LOG_PERIOD:
             self._reported, self._reported_at = self._findings, now
-            self._report()
+            if self._findings:
+                self._node.get_logger().warning(
+                    f'{"; ".join(self._findings)}. {self._remedy} Nodes need different names: '
+                    '`-r __node:=NAME` or `-r __ns:=/NAMESPACE` after --ros-args. A process that '
+                    'was killed stays listed for up to 20 s.')
+            else:
+                self._node.get_logger().info(
+                    'There is no other publisher or node of this name any more.')
 
     def _others(self, topic: str) -> Sequence[str]:
-        names = sorted(_full_name(end.node_name, end.node_namespace)
+        names = sorted(full_name(end.node_name, end.node_namespace)
                        for end in self._node.get_publishers_info_by_topic(topic))
         if self._name in names:
             names.remove(self._name)
         return names
-
-    def _report(self) -> None:
-        if not self._findings:
-            self._node.get_logger().info(
-                'There is no other publisher or node of this name any more.')
-            return
-        self._node.get_logger().warning(
-            f'{"; ".join(self._findings)}. {self._remedy} Nodes need different names: '
-            '`-r __node:=NAME` or `-r __ns:=/NAMESPACE` after --ros-args. A process that was '
-            'killed stays listed for up to 20 s.')
-
-
-def _full_name(name: str, namespace: str) -> str:
-    return f'{namespace.rstrip("/")}/{name}'
