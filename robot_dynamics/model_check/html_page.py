@@ -15,7 +15,6 @@ from datetime import datetime
 from enum import Enum
 from html import escape
 import re
-import shlex
 from typing import NamedTuple
 
 _STYLE = """
@@ -90,11 +89,6 @@ class Origin(NamedTuple):
             ('command', self.command),
             ('date', datetime.now().astimezone().strftime('%Y-%m-%d %H:%M %z')),
         ]
-
-
-def command_line(prog: str, arguments: Sequence[str]) -> str:
-    """Return the command line of a tool, quoted for a shell."""
-    return shlex.join([prog, *arguments])
 
 
 class Page:

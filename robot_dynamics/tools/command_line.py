@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import os
 from pathlib import Path
+import shlex
 import sys
 from typing import Any, NoReturn, TYPE_CHECKING
 
@@ -128,7 +129,7 @@ def origin_of(
 ) -> 'Origin':
     """Return the origin of a report; `default` describes the URDF if none was given."""
     from robot_dynamics import __version__
-    from robot_dynamics.model_check.html_page import command_line, Origin
+    from robot_dynamics.model_check.html_page import Origin
     return Origin(
         default if urdf is None else str(urdf),
-        command_line(prog, sys.argv[1:] if argv is None else argv), __version__)
+        shlex.join([prog, *(sys.argv[1:] if argv is None else argv)]), __version__)

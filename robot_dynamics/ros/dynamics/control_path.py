@@ -201,8 +201,6 @@ class ControlPath:
             counters.repeated += 1
         if verdict.restart and (offset := served.loop.gate.plausibility.clock_offset) > 0.0:
             self._log.clock(offset)
-        if output.scale != self._log.bandwidth_scale:
-            self._log.bandwidth(served.loop.controller)
         if served.loop.goals.notice:
             self._log.warn('notice', served.loop.goals.notice)
             served.loop.goals.notice = ''

@@ -203,10 +203,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._path.command.deactivate()
         return self.on_cleanup(state)
 
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """End the command in order, and command no more."""
-        self._path.command.deactivate()
-        return TransitionCallbackReturn.SUCCESS
+    on_shutdown = on_deactivate
 
     def _reset_fault(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success, response.message = self._path.command.reset()

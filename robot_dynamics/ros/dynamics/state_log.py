@@ -11,11 +11,9 @@ import time
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
-from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 
 MOST_ARRIVALS = 5000
 """Number of stored arrivals: those of more than a second at 1 kHz."""
@@ -98,7 +96,6 @@ class StateLog:
 
     def __init__(self, node: GuardedCallbacks, counters: ControlCounters) -> None:
         self._node, self._counters = node, counters
-        self.bandwidth_scale = self._reported_scale = 1.0
         self._refused = ''
 
     def warn(self, kind: str, words: str) -> None:
@@ -139,19 +136,6 @@ class StateLog:
         if words != self._refused:
             self._refused = words
             self._node.get_logger().error(self._counters.last_drop)
-
-    def bandwidth(self, controller: Controller) -> None:
-        """Log the gain scaling if it has changed much."""
-        scale = self.bandwidth_scale = controller.gains.least
-        if not controller.gains.is_known or (
-                0.8 < scale / self._reported_scale < 1.25 and scale < 1.0):
-            return
-        if scale != self._reported_scale:
-            self._node.get_logger().info(
-                f'Gains and references at {scale:.2f} of their bandwidth: {controller.gains}.',
-                throttle_duration_sec=LOG_PERIOD)
-        self._reported_scale = scale
-
 
 def _other_clock(offset: float) -> str:
     return (f'joint states are {offset:.1f} s old by the clock of this computer: synchronise the '

@@ -219,18 +219,12 @@ class DeclaredParameters:
             self._check(self._changed(parameters))
         except RobotDynamicsError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        except Exception as error:  # an exception here would end the spin of the node
-            self._node.get_logger().error(f'Checking parameters failed: {error!r}')
-            return SetParametersResult(successful=False, reason=f'internal error: {error!r}')
         return SetParametersResult(successful=True)
 
     def _take_over(self, parameters: list[Parameter]) -> None:
-        try:
-            values = self._changed(parameters)
-            self._apply(values)
-            self.values = values
-        except Exception as error:
-            self._node.get_logger().error(f'Applying parameters failed: {error!r}')
+        values = self._changed(parameters)
+        self._apply(values)
+        self.values = values
 
     def _changed(self, parameters: list[Parameter]) -> dict[str, Any]:
         values = dict(self.values)

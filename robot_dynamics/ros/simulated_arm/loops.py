@@ -236,20 +236,11 @@ class WallTimeLoop(_Loop):
             remaining = deadline - time.monotonic()
             taken = self._topics.take_effort(min(remaining, RESEND_PERIOD))
             if taken is not None:
-                self._give(taken[0])
+                self._apply(taken[0])
                 if taken[1] == stamp_ns and self._next is None and not self.is_paused:
                     self._next = self._advance(), self._plant.reset_count
             if remaining <= 0.0:
                 return
-
-    def _give(self, effort: FloatArray) -> None:
-        with self._lock:
-            had_timed_out = self._plant.timed_out
-        self._apply(effort)
-        if had_timed_out:
-            self._node.get_logger().info(
-                'Efforts arrive again: the motion continues from the current state.',
-                throttle_duration_sec=LOG_PERIOD)
 
     def _watch_commands(self, passed: float, stamp_ns: int) -> None:
         """Engage the brakes and log it if efforts time out; received efforts are taken before."""

@@ -11,14 +11,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from report_page import ReportPage
-from robot_dynamics.model_check.html_page import command_line, Grade, Origin, Page, Verdict
+from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics_tools.reporting.figures import effort_panel, TimeBoundary
 from robot_dynamics_tools.reporting.interactive import add_time_figures
 
 VERDICTS = [
     Verdict('joint1', Grade.GOOD, 'residual 3 % < 10 %', 'use the model'),
     Verdict('joint2', Grade.BAD, 'friction dominates', 'run `identify`')]
-COMMAND = command_line('identify', ['my bag', '--urdf', 'a.urdf'])
+COMMAND = "identify 'my bag' --urdf a.urdf"
 ORIGIN = Origin('/robots/arm & hand.urdf', COMMAND, '1.2.3')
 TWO = SimpleNamespace(joint_names=('turn', 'slide'), joint_kinds=('revolute', 'prismatic'))
 """Joints of an arm."""

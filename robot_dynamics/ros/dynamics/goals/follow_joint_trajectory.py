@@ -8,8 +8,9 @@ A goal is always accepted, and an invalid one is aborted at once: only a result 
 reason. An invalid goal does not disturb the motion.
 """
 
-from collections.abc import Generator
+import asyncio
 import math
+from operator import attrgetter
 import threading
 import time
 from typing import Any, NamedTuple
@@ -51,14 +52,6 @@ RESULT_TIMEOUT = 60
 LAST_REQUEST = 0.2
 """[s] after the end of a goal in which its client asks for the result."""
 
-def action_type() -> Any:
-    """Return the type of the action, None if `control_msgs` is not installed."""
-    try:
-        from control_msgs.action import FollowJointTrajectory
-    except ImportError:
-        return None
-    return FollowJointTrajectory
-
 
 class _Running(NamedTuple):
     """A goal that is executed, by the loop that has accepted it."""
@@ -84,13 +77,15 @@ class FollowJointTrajectoryServer:
         """Of the executor, in which it takes requests that were sent before a stop."""
         self._lock = threading.Lock()
         """Protects the four above: an executor may have several threads."""
-        self._type = action_type()
         self._server: _GuardedServer | None = None
-        if self._type is None:
+        try:
+            from control_msgs.action import FollowJointTrajectory
+        except ImportError:
             node.get_logger().info(
                 '~/follow_joint_trajectory is not offered: control_msgs is not installed '
                 '(ros-jazzy-control-msgs)')
             return
+        self._type: Any = FollowJointTrajectory
         # A goal that waits for its client in `_take` must not stop the other callbacks.
         group = ReentrantCallbackGroup()
         self._feedback = node.create_timer(FEEDBACK_PERIOD, self._publish_feedback, group)
@@ -138,7 +133,7 @@ class FollowJointTrajectoryServer:
         self._feedback.reset()  # lets the executor look again
         until = time.monotonic() + LONGEST_WAIT
         while time.monotonic() < until and not self._is_client_discovered():
-            await _Turn()
+            await asyncio.sleep(0)  # until the executor has waited for its next event
         return GoalResponse.ACCEPT
 
     def _is_client_discovered(self) -> bool:
@@ -192,9 +187,7 @@ class FollowJointTrajectoryServer:
         loop, names = served.loop, served.arm.joint_names
         for field in ('multi_dof_trajectory.joint_names', 'component_path_tolerance',
                       'component_goal_tolerance'):
-            values = request
-            for part in field.split('.'):
-                values = getattr(values, part)
+            values = attrgetter(field)(request)
             if len(values):
                 raise InvalidInputError(
                     f'{field} has {len(values)} entries, expected none: each joint of an arm has '
@@ -261,13 +254,6 @@ def _code_of(error: Exception) -> ResultCode:
     if isinstance(error, PastTrajectoryError):
         return ResultCode.OLD_HEADER_TIMESTAMP
     return ResultCode.INVALID_GOAL
-
-
-class _Turn:
-    """Awaitable once: until the executor has waited for its next event."""
-
-    def __await__(self) -> Generator[None, None, None]:
-        yield
 
 
 class _GuardedServer(ActionServer):
