@@ -8,7 +8,7 @@ A goal is always accepted, and an invalid one is aborted at once: only a result 
 reason. An invalid goal does not disturb the motion.
 """
 
-import asyncio
+from collections.abc import Generator
 import math
 from operator import attrgetter
 import threading
@@ -133,7 +133,7 @@ class FollowJointTrajectoryServer:
         self._feedback.reset()  # lets the executor look again
         until = time.monotonic() + LONGEST_WAIT
         while time.monotonic() < until and not self._is_client_discovered():
-            await asyncio.sleep(0)  # until the executor has waited for its next event
+            await _Turn()
         return GoalResponse.ACCEPT
 
     def _is_client_discovered(self) -> bool:
@@ -254,6 +254,13 @@ def _code_of(error: Exception) -> ResultCode:
     if isinstance(error, PastTrajectoryError):
         return ResultCode.OLD_HEADER_TIMESTAMP
     return ResultCode.INVALID_GOAL
+
+
+class _Turn:
+    """Awaitable once: until the executor has waited for its next event."""
+
+    def __await__(self) -> Generator[None, None, None]:
+        yield
 
 
 class _GuardedServer(ActionServer):
