@@ -10,7 +10,6 @@ The checks and their levels are described in docs/model_check.md.
 """
 
 from collections.abc import Iterator
-import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -42,10 +41,7 @@ def check_model(
     read. A negative mass is reported although no arm can be created with it; the checks of the arm
     are then omitted. Raises ModelError if the URDF cannot be used at all.
     """
-    try:
-        bodies = read_bodies(urdf, meshes)
-    except ElementTree.ParseError:
-        bodies = []  # parse_urdf has a better error message
+    bodies = read_bodies(urdf, meshes)
     negative = errors_of(body_checks.check_masses(bodies))
     if negative:
         return negative

@@ -4,10 +4,11 @@
 """The findings in a URDF with the scope of their checks, as text, data and HTML report."""
 
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 import textwrap
 from typing import NamedTuple
 
-from robot_dynamics.exceptions import InvalidInputError, ModelError
+from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.worst_gravity import Search, THOROUGH
 from robot_dynamics.model_check.body_checks import unmeasured
@@ -71,12 +72,8 @@ def check_description(
     all.
     """
     if arm is None:
-        try:
+        with suppress(ModelError):  # a negative mass is a finding; check_model raises the others
             arm = arm_from_urdf(xml, joints)
-        except InvalidInputError:
-            raise
-        except ModelError:
-            pass  # a negative mass is a finding; check_model raises all other errors
     findings = check_model(xml, arm, search=search, meshes=meshes)
     unread = unmeasured(read_bodies(xml, meshes))
     return CheckedModel(

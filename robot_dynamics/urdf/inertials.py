@@ -15,7 +15,8 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.urdf.values import number, pose, robot_element, vector
+from robot_dynamics.urdf.parser import robot_element
+from robot_dynamics.urdf.values import number, pose, vector
 
 _UNIT_CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
 
@@ -60,10 +61,10 @@ class _Extent(NamedTuple):
 
 def read_bodies(xml: str, meshes: MeshBounds | None = None) -> list[LinkBody]:
     """
-    Return the links of a URDF; well-formed XML is expected.
+    Return the links of a URDF.
 
     Non-numeric values, and values that are too large for any arm, are NaN. Without `meshes`, no
-    mesh is read.
+    mesh is read. Raises ModelError if the text is not a URDF.
     """
     return [_read_body(link, meshes) for link in robot_element(xml).findall('link')]
 

@@ -91,7 +91,7 @@ def parse_urdf(xml: str) -> UrdfRobot:
     Raises ModelError if the text is not a URDF, if the links are not a tree (a loop), if a joint
     has more than one degree of freedom, or for non-numeric values.
     """
-    root = _robot_element(xml)
+    root = robot_element(xml)
     name = root.get('name') or ''
     link_names = tuple(_names_of(root.findall('link'), 'link'))
     if not link_names:
@@ -141,7 +141,8 @@ def _error(words: str) -> ModelError:
     return ModelError(f'robot_description: {words}')
 
 
-def _robot_element(xml: str) -> ElementTree.Element:
+def robot_element(xml: str) -> ElementTree.Element:
+    """Return the root element, without a namespace; raise ModelError if it is no expanded URDF."""
     if not xml.strip():
         raise ModelError('robot_description is empty, expected the XML of a URDF')
     check_document(xml)

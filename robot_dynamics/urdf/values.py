@@ -12,7 +12,6 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.urdf.document import check_document
 from robot_dynamics.validation import LARGEST_VALUE
 
 
@@ -23,20 +22,6 @@ def rotation(rpy: FloatArray) -> FloatArray:
         [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
         [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
         [-sp, cp * sr, cp * cr]])
-
-
-def robot_element(xml: str) -> ElementTree.Element:
-    """
-    Return the root element of well-formed XML, without namespaces.
-
-    Raises ModelError if the document is too large or has a DTD.
-    """
-    check_document(xml)
-    root = ElementTree.fromstring(xml.strip())
-    namespace = root.tag[:root.tag.find('}') + 1]
-    for element in root.iter():
-        element.tag = element.tag.removeprefix(namespace)
-    return root
 
 
 def pose(element: ElementTree.Element) -> tuple[FloatArray, FloatArray]:

@@ -13,7 +13,8 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.urdf.values import number, pose, robot_element, vector
+from robot_dynamics.urdf.parser import robot_element
+from robot_dynamics.urdf.values import number, pose, vector
 from robot_dynamics.validation import LARGEST_VALUE
 
 Colour = tuple[float, float, float, float]
@@ -61,7 +62,7 @@ class Visual:
 
 
 def read_visuals(xml: str) -> list[Visual]:
-    """Return the visuals of the links of a URDF that can be drawn; expects well-formed XML."""
+    """Return the visuals of the links of a URDF that can be drawn; raise ModelError."""
     robot = robot_element(xml)
     palette = {
         material.get('name') or '': colour for material in robot.findall('material')

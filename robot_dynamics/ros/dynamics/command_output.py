@@ -201,7 +201,7 @@ class CommandOutput:
         messages = served.messages
         try:
             if self._count():
-                self._send(messages.command.filled(stamp, effort))
+                self._send(messages.effort.filled(stamp, effort))
             if self._count_bare() and self.order.allows():
                 self._commands.publish(messages.bare_command.filled(stamp, effort))
         except Exception:

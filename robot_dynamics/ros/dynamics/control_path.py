@@ -7,7 +7,6 @@ from collections.abc import Callable
 from functools import partial
 import math
 import time
-from typing import Any
 
 import numpy as np
 from rclpy.qos import QoSProfile
@@ -56,18 +55,15 @@ class ControlPath:
         self.counters = ControlCounters()
         self._log = StateLog(node, self.counters)
 
-        def publisher(message_type: type, topic: str) -> Any:
-            return node.create_publisher(message_type, topic, NEWEST_ONLY)
-
-        gravity = publisher(JointState, '~/gravity_compensation')
-        computed_torque = publisher(JointState, '~/computed_torque')
-        terms = publisher(DynamicsTerms, '~/terms')
-        reference = publisher(JointState, '~/reference')
+        publishers = [
+            node.create_publisher(message_type, topic, NEWEST_ONLY)
+            for topic, message_type in (
+                ('~/gravity_compensation', JointState), ('~/computed_torque', JointState),
+                ('~/terms', DynamicsTerms), ('~/reference', JointState))]
         (self._send_gravity, self._send_computed_torque, self._send_terms,
-         self._send_reference) = map(raw_publish, (gravity, computed_torque, terms, reference))
+         self._send_reference) = map(raw_publish, publishers)
         self._drives = DriveCommands(node, NEWEST_ONLY)
-        self._counts = [*(subscription_count(one) for one in (
-            gravity, computed_torque, terms, reference)), *self._drives.counts]
+        self._counts = [*map(subscription_count, publishers), *self._drives.counts]
         self.command = CommandOutput(node, NEWEST_ONLY, when_changed)
 
     @property

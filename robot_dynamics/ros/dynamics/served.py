@@ -36,9 +36,8 @@ class ArmMessages:
         """Reason why the embedded arm is not served, empty if it is."""
         self.is_open, self.used_at = not is_embedded, time.monotonic()
         """Whether no description is awaited, and there are no foreign joints."""
-        self.command = effort_template(joint_names)
-        self.bare_command = array_template(len(joint_names))
         self.effort = effort_template(joint_names)
+        self.bare_command = array_template(len(joint_names))
         self.motion = state_template(joint_names, has_effort=False)
         self.drive_command = state_template(joint_names)
         self.terms = terms_template(joint_names)

@@ -8,15 +8,11 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.control.laws.control_law import LawTopic
 from robot_dynamics.control.laws.law_table import declared
 from robot_dynamics.ros.dynamics.control_path import ControlPath
-from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
+from robot_dynamics.ros.dynamics.goals.trajectory_input import NEWEST_ONLY, TrajectoryInput
 from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
-
-NEWEST_ONLY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Matches all publishers, reliable or not; older messages are of no use."""
 
 
 def subscribe_laws(

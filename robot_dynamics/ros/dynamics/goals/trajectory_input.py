@@ -34,7 +34,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
 NEWEST_ONLY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Matches publishers of joint states, reliable or not; older messages are of no use."""
+"""Matches all publishers, reliable or not; older messages are of no use."""
 _NUMBER = re.compile(r'-?\d+(\.\d+)?(e[-+]\d+)?')
 
 
