@@ -229,7 +229,7 @@ class NodeUnderTest:
 
     def close(self) -> None:
         """Check that the node answered every state, ramp the command to zero, destroy the node."""
-        counters = self._node._path.counters
+        counters = self._node._path.states
         if counters.dropped or not counters.following:
             raise RuntimeError(f'states were dropped or no trajectory was followed: {counters}')
         self._node.destroy_node()

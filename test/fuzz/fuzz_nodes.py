@@ -102,7 +102,7 @@ class RunningNodes:
         if topic == 'joint_trajectory':  # starts at the position of the arm, which has to be valid
             for state in AT_REST:
                 self._deliver(serialize_message(state))
-        counters = node._path.counters
+        counters = node._path.states
         answered, node._trajectories.refusal, counters.last_drop = node._path.loop.states, '', ''
         failures = counters.dropped['internal error']
         if topic == 'joint_states':

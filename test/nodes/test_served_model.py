@@ -213,7 +213,7 @@ def test_each_answer_is_of_one_model(client, count):
                         asking('inverse dynamics', inverse_dynamics)):
             for number in range(count):
                 change(client, node, number, models)
-            dropped = dict(node._path.counters.dropped)
+            dropped = dict(node._path.states.dropped)
             for of, found in (
                     ('effort_command', commands), ('gravity', gravities), ('drives', drives)):
                 for message in found.messages:

@@ -52,7 +52,7 @@ def calls_of_a_state(node: SteppedNode) -> list[tuple[str, str]]:
 
 def check_follows(node: SteppedNode) -> None:
     """Check that no state was dropped and that the trajectory is followed."""
-    counters = node.node._path.counters
+    counters = node.node._path.states
     assert counters.following
     assert not counters.dropped
 

@@ -10,7 +10,6 @@ A test of a fallback gives the adapter a name that rclpy does not have, and asks
 
 from collections.abc import Callable, Iterator
 import functools
-import threading
 import time
 from typing import Any
 
@@ -126,7 +125,7 @@ def test_executors_ask_callback_groups(client, process, executor):
 
 def test_service_take_request_and_send_response(client, process):
     name = f'{process.namespace}/service'
-    service, requests = rclpy_internals.service_with_inbox(
+    requests = rclpy_internals.service_with_inbox(
         process.other('server'), Trigger, name, lambda *_: None)
     assert requests is not None, (
         'rclpy_implementation.WaitSet, Service.handle.service_take_request or Context.handle is '
@@ -140,8 +139,10 @@ def test_service_take_request_and_send_response(client, process):
     assert rclpy_internals.request_number(header) == 1, (
         'the header of a request has no request_id.sequence_number any more: every response '
         'asks the graph whether its client is discovered')
-    wait_until(lambda: is_discovered(process.nodes[0], service), 'the reader of the response')
-    rclpy_internals.send_response(service, Trigger.Response(message='taken'), header)
+    wait_until(
+        lambda: is_discovered(process.nodes[0], requests.service), 'the reader of the response')
+    rclpy_internals.send_response(
+        requests.service, Trigger.Response(message='taken'), header)
     wait_until(future.done, 'the response')
     assert future.result().message == 'taken'
     assert requests.take() == (None, None)

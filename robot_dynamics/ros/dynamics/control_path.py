@@ -20,7 +20,7 @@ from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
 from robot_dynamics.ros.dynamics.command_output import CommandOutput
 from robot_dynamics.ros.dynamics.drive_commands import DriveCommands
 from robot_dynamics.ros.dynamics.served import ArmMessages, Served
-from robot_dynamics.ros.dynamics.state_log import ControlCounters, StateLog
+from robot_dynamics.ros.dynamics.state_log import StateLog
 from robot_dynamics.ros.middleware.cdr_templates import SensedState
 from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 from robot_dynamics.ros.middleware.joint_state_reader import OtherJointsError
@@ -52,8 +52,7 @@ class ControlPath:
         self._node = node
         self._has_several_publishers = lambda: count_publishers() > 1
         self.when_changed = when_changed
-        self.counters = ControlCounters()
-        self._log = StateLog(node, self.counters)
+        self.states = StateLog(node, lambda: self.loop)
 
         publishers = [
             node.create_publisher(message_type, topic, NEWEST_ONLY)
@@ -99,22 +98,22 @@ class ControlPath:
             try:
                 served = self.command.served
                 if served is None:
-                    self._log.count('no model yet')
+                    self.states.count('no model yet')
                 else:
                     self._answer(served, state)
             except OtherJointsError:
-                self.counters.dropped['other joints'] += 1
+                self.states.dropped['other joints'] += 1
             except NonFiniteEffortError as error:
-                self._log.drop('no finite effort', f'Dropped a joint state: {error}')
+                self.states.drop('no finite effort', str(error))
                 self.command.notify()
             except ImplausibleStateError as error:
-                self._log.drop(error.reason, f'Dropped a joint state: {error}')
+                self.states.drop(error.reason, str(error))
                 if error.is_conflict:
                     self.command.notify()
             except RobotDynamicsError as error:
-                self._log.drop('invalid', f'Dropped a joint state: {error}')
+                self.states.drop('invalid', str(error))
             except Exception as error:  # no message may end the control path
-                self._log.drop('internal error', f'Dropped a joint state: {error!r}')
+                self.states.drop('internal error', repr(error))
 
     def _answer(self, served: Served, state: SensedState) -> None:
         """Publish the efforts for a state, and what follows from it."""
@@ -128,7 +127,7 @@ class ControlPath:
             n = messages.joint_count
             q, v = values[:n], values[n:] if len(values) > n else None
         else:
-            whole = self._completed(messages, state, 1e-9 * steady_ns)
+            whole = self._completed(messages, state)
             if whole is None:
                 return
             state, (q, v) = whole, self._read(served, whole)
@@ -142,28 +141,24 @@ class ControlPath:
 
     def refuse(self, error: UnreadableMessageError) -> None:
         """Count and log a joint state that cannot be read."""
-        self._log.drop('unreadable', f'Dropped a joint state: {error}')
+        self.states.drop('unreadable', str(error))
 
-    def _completed(
-        self, messages: ArmMessages, received: SensedState, now: float,
-    ) -> SensedState | None:
+    def _completed(self, messages: ArmMessages, received: SensedState) -> SensedState | None:
         """Return the state that a message completes, None if it completes no state."""
         if messages.foreign_joints:
-            self._log.refuse_embedded(messages.foreign_joints)
+            self.states.refuse_embedded(messages.foreign_joints)
             return None
         if not messages.is_open and self._description_is_published(messages):
-            self._log.count('robot_description not received yet')
+            self.states.count('robot_description not received yet')
             return None
         try:
             state = messages.assembly.take(received)
         except ForeignJointsError as error:
             messages.foreign_joints, messages.is_open = str(error), False
-            self._log.refuse_embedded(str(error))
+            self.states.refuse_embedded(str(error))
             return None
         if state is None:
-            self._log.part(
-                messages.assembly.missing,
-                now - max(messages.used_at, self.counters.answered_at))
+            self.states.part(messages.assembly.missing, messages.used_at)
         return state
 
     def _read(
@@ -189,16 +184,16 @@ class ControlPath:
         v: FloatArray | None, now: float,
     ) -> None:
         """Count and publish what follows from a state, after its command."""
-        counters, output, verdict = self.counters, answer.output, answer.verdict
-        counters.answered_at, counters.following = now, output.state.trajectory is not None
+        states, output, verdict = self.states, answer.output, answer.verdict
+        states.answered_at, states.following = now, output.state.trajectory is not None
         if verdict.is_new:
-            counters.arrivals.append(now)
+            states.arrivals.append(now)
         else:
-            counters.repeated += 1
+            states.repeated += 1
         if verdict.restart and (offset := served.loop.gate.plausibility.clock_offset) > 0.0:
-            self._log.clock(offset)
+            states.clock(offset)
         if served.loop.goals.notice:
-            self._log.warn('notice', served.loop.goals.notice)
+            states.warn('notice', served.loop.goals.notice)
             served.loop.goals.notice = ''
         for count in self._counts:
             if count():

@@ -33,14 +33,9 @@ from robot_dynamics.ros.dynamics.parameters import (
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.served import ArmMessages, Served
 from robot_dynamics.ros.dynamics.services import DynamicsServices
-from robot_dynamics.ros.dynamics.state_log import StateReport
 from robot_dynamics.ros.middleware.diagnostics import Diagnostics, OK, Status, WARN
 from robot_dynamics.ros.middleware.graph_watch import GraphWatch
-from robot_dynamics.ros.middleware.guarded_callbacks import (
-    describe_error,
-    destroyed_unless_made,
-    GuardedCallbacks,
-)
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
 from robot_dynamics.ros.middleware.joint_state_loop import JointStateLoop
 from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.middleware.urgent_service import UrgentService
@@ -104,8 +99,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         Raises RobotDynamicsError if the parameters or the URDF are invalid.
         """
         super().__init__('dynamics', **node_arguments)
-        with destroyed_unless_made(self):
-            self._set_up()
 
     def _set_up(self) -> None:
         self._closers = closers = list[Callable[[], None]]()
@@ -129,7 +122,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         subscribe_laws(self, self._path, self._trajectories)
         self._action = FollowJointTrajectoryServer(self, self._path, self._trajectories)
         closers += [self._action.close, UrgentService(self, Trigger, '~/stop', self._stop).close]
-        self._report = StateReport(self._path.counters, lambda: self._path.loop)
         self._loop = JointStateLoop(self, self._path.on_state, self._path.refuse)
         closers.append(self._loop.stop)
         if self._settings.values['autostart']:
@@ -283,7 +275,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._models.take_waiting()
         served = self._path.command.served
         return [
-            *self._report.statuses(state_timeout(self._settings.values)),
+            *self._path.states.statuses(state_timeout(self._settings.values)),
             self._trajectories.status(),
             self._path.command.status(),
             self._graph.status(),

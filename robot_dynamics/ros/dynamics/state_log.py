@@ -5,7 +5,6 @@
 
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
 import math
 import time
 from typing import NamedTuple
@@ -73,57 +72,58 @@ class ArrivalTiming:
         return self.timing
 
 
-@dataclass
-class ControlCounters:
-    """Counters of the control path since the start; the diagnostics read them."""
-
-    repeated: int = 0
-    incomplete: int = 0
-    """Messages with some of the joints that do not complete a state."""
-    missing: tuple[str, ...] = ()
-    """Joints without a sample that is new enough, at the last message with some of the joints."""
-    answered_at: float = -math.inf
-    """Time [s] of the last answer on the steady clock."""
-    arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_ARRIVALS))
-    """Times [s] of new states on the steady clock that are not evaluated yet."""
-    dropped: Counter[str] = field(default_factory=Counter)
-    last_drop: str = ''
-    following: bool = False
-
-
 class StateLog:
-    """Logs at most one line per kind and LOG_PERIOD."""
+    """
+    Counts the joint states; logs and reports why some were dropped, and how they arrive.
 
-    def __init__(self, node: GuardedCallbacks, counters: ControlCounters) -> None:
-        self._node, self._counters = node, counters
-        self._refused = ''
+    The control path counts; the thread of the diagnostics calls `statuses`.
+    """
+
+    def __init__(
+        self, node: GuardedCallbacks, loop: Callable[[], ControlLoop | None],
+    ) -> None:
+        """`loop` returns the control loop, or None without a model."""
+        self._node, self._loop = node, loop
+        self.repeated = 0
+        self._incomplete = 0
+        """Messages with some of the joints that do not complete a state."""
+        self._missing: tuple[str, ...] = ()
+        """Joints without a sample that is new enough, at the last message with some of them."""
+        self.answered_at = -math.inf
+        """Time [s] of the last answer on the steady clock."""
+        self.following = False
+        self.arrivals = deque[float](maxlen=MOST_ARRIVALS)
+        """Times [s] of new states on the steady clock that are not evaluated yet."""
+        self.dropped = Counter[str]()
+        self.last_drop = self._refused = ''
+        self._timing = ArrivalTiming(time.monotonic())
+        self._dropped_before, self._dropped_at = 0, -math.inf
 
     def warn(self, kind: str, words: str) -> None:
-        """Log a warning of a kind."""
+        """Log a warning, at most one of a kind in LOG_PERIOD."""
         self._node.log_rarely(f'joint states: {kind}', self._node.get_logger().warning, words)
 
     def count(self, reason: str) -> None:
         """Count a dropped state without logging it."""
-        self._counters.dropped[reason] += 1
-        self._counters.last_drop = f'Dropped a joint state: {reason}'
+        self.dropped[reason] += 1
+        self.last_drop = f'Dropped a joint state: {reason}'
 
     def drop(self, reason: str, words: str) -> None:
         """Count and log a dropped state, with the remedy."""
         remedy = REMEDIES.get(reason)
-        words = f'{words}; {remedy}' if remedy is not None else words
-        self._counters.dropped[reason] += 1
-        self._counters.last_drop = words
-        self.warn('dropped', words)
+        self.dropped[reason] += 1
+        self.last_drop = f'Dropped a joint state: {words}' + (f'; {remedy}' if remedy else '')
+        self.warn('dropped', self.last_drop)
 
     def clock(self, offset: float) -> None:
         """Log the offset [s] of another clock than that of this computer."""
         self._node.get_logger().warning(_other_clock(offset))
 
-    def part(self, missing: list[str], seconds: float) -> None:
-        """Count a message that completes no state; log it if `seconds` passed without one."""
-        self._counters.incomplete += 1
-        self._counters.missing = tuple(missing)
-        if seconds > COMPLETION_TIME:
+    def part(self, missing: list[str], used_at: float) -> None:
+        """Count a message that completes no state; log it if none was complete for long."""
+        self._incomplete += 1
+        self._missing = tuple(missing)
+        if time.monotonic() - max(used_at, self.answered_at) > COMPLETION_TIME:
             self.warn(
                 'incomplete',
                 f'No joint state is complete: there are no new samples of {missing}. Publish '
@@ -131,28 +131,11 @@ class StateLog:
 
     def refuse_embedded(self, words: str) -> None:
         """Count a state of another robot than the embedded arm; log the first one."""
-        self._counters.dropped['not the embedded arm'] += 1
-        self._counters.last_drop = f'Nothing is published: {words}'
+        self.dropped['not the embedded arm'] += 1
+        self.last_drop = f'Nothing is published: {words}'
         if words != self._refused:
             self._refused = words
-            self._node.get_logger().error(self._counters.last_drop)
-
-def _other_clock(offset: float) -> str:
-    return (f'joint states are {offset:.1f} s old by the clock of this computer: synchronise the '
-            f'clocks of driver and computer; {REPLAY}')
-
-
-class StateReport:
-    """Reports whether joint states arrive, how regularly, and why some were dropped."""
-
-    def __init__(
-        self, counters: ControlCounters, loop: Callable[[], ControlLoop | None],
-    ) -> None:
-        """`loop` returns the control loop, or None without a model."""
-        self._counters, self._loop = counters, loop
-        self._timing = ArrivalTiming(time.monotonic())
-        self._dropped_before = 0
-        self._dropped_at = -float('inf')
+            self._node.get_logger().error(self.last_drop)
 
     def statuses(self, state_timeout: float) -> list[Status]:
         """
@@ -161,25 +144,24 @@ class StateReport:
         An interval of more than half of `state_timeout` [s] is a warning.
         """
         now = time.monotonic()
-        timing = self._timing.take(self._counters.arrivals, now)
+        timing = self._timing.take(self.arrivals, now)
         return [self._arrival(now, timing.rate), self._regularity(timing, state_timeout)]
 
     def _arrival(self, now: float, rate: float) -> Status:
-        counters = self._counters
         # Atomic copies: the control path counts in another thread.
         loop = self._loop()
-        drops, restarts = dict(counters.dropped), {} if loop is None else dict(loop.restarts)
+        drops, restarts = dict(self.dropped), {} if loop is None else dict(loop.restarts)
         dropped = sum(drops.values()) - drops.get('other joints', 0)
         if dropped > self._dropped_before:
             self._dropped_before, self._dropped_at = dropped, now
         level, words = OK, 'arriving'
         if now - self._dropped_at < 1.0:
-            level, words = ERROR, counters.last_drop
+            level, words = ERROR, self.last_drop
         elif rate == 0.0:
             level, words = WARN, 'none arrive'
-            if counters.missing:
+            if self._missing:
                 level, words = ERROR, (
-                    f'incomplete: no samples of {list(counters.missing)} that are at most half '
+                    f'incomplete: no samples of {list(self._missing)} that are at most half '
                     'a period old')
         offset = 0.0 if loop is None else loop.gate.plausibility.clock_offset
         if offset > 0.0:
@@ -192,8 +174,8 @@ class StateReport:
                 'check its sign and its unit')
         return Status('joint states', level, words, {
             'answered': 0 if loop is None else loop.states,
-            'not new (stamp repeated)': counters.repeated,
-            'parts of a state': counters.incomplete,
+            'not new (stamp repeated)': self.repeated,
+            'parts of a state': self._incomplete,
             **{f'dropped: {reason}': count for reason, count in sorted(drops.items())},
             **{f'restarted: {reason}': count for reason, count in sorted(restarts.items())}})
 
@@ -206,3 +188,8 @@ class StateReport:
             'jitter, standard deviation [ms]': f'{1e3 * timing.jitter:.3f}',
             'longest interval [ms]': f'{1e3 * timing.longest:.3f}',
             'late states': self._timing.late})
+
+
+def _other_clock(offset: float) -> str:
+    return (f'joint states are {offset:.1f} s old by the clock of this computer: synchronise the '
+            f'clocks of driver and computer; {REPLAY}')

@@ -10,8 +10,7 @@ its response.
 """
 
 import atexit
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 import functools
 import math
 import time
@@ -34,21 +33,6 @@ from robot_dynamics.ros.middleware.rclpy_internals import (
     UnknownArgumentsError,
 )
 from robot_dynamics.ros.middleware.shutdown import ends_in_time
-
-
-@contextmanager
-def destroyed_unless_made(node: Node) -> Iterator[None]:
-    """
-    Destroy the node if its setup in the `with` statement raises an error; re-raise the error.
-
-    Otherwise the threads of the middleware may use destroyed objects when the process exits, and
-    the process then ends by a signal instead of with its exit status.
-    """
-    try:
-        yield
-    except BaseException:
-        node.destroy_node()
-        raise
 
 
 def describe_error(error: Exception) -> str:
@@ -78,6 +62,14 @@ class GuardedCallbacks(Node):
         for service in self.services:  # rclpy creates some without `create_service`
             if replace_callback(service, self._answering):
                 self._answers.take_over(service)
+        try:
+            self._set_up()
+        except BaseException:  # threads of the middleware must not use destroyed objects at exit
+            self.destroy_node()
+            raise
+
+    def _set_up(self) -> None:
+        """Declare parameters, and create what the node needs; may raise RobotDynamicsError."""
 
     def create_subscription(
         self, msg_type: type, topic: str, callback: Callable[..., None], *args: object,

@@ -192,17 +192,17 @@ class RequestInbox:
 
 def service_with_inbox(
     node: Node, srv_type: Any, name: str, callback: Callable[[Any, Any], Any],
-) -> tuple[Service, RequestInbox | None]:
+) -> RequestInbox | None:
     """
-    Create a service; return it and what a thread takes its requests from.
+    Create a service; return what a thread takes its requests from.
 
     Fallback: a service that the executor calls back, in a separate group, and None.
     """
     if implementation():
-        requests = RequestInbox(node, srv_type, name, callback)
-        return requests.service, requests
+        return RequestInbox(node, srv_type, name, callback)
     group = MutuallyExclusiveCallbackGroup()
-    return node.create_service(srv_type, name, callback, callback_group=group), None
+    node.create_service(srv_type, name, callback, callback_group=group)
+    return None
 
 
 def replace_callback(

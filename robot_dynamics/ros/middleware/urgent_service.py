@@ -27,7 +27,7 @@ class UrgentService:
     ) -> None:
         """Take a `callback` that gets the request and a response to fill, and returns it."""
         self._node, self._type = node, srv_type
-        self._service, self._requests = service_with_inbox(node, srv_type, name, callback)
+        self._requests = service_with_inbox(node, srv_type, name, callback)
         self._ends = False
         self._thread = threading.Thread(target=self._run, name=f'{name} service', daemon=True)
         if self._requests is not None:
@@ -47,12 +47,12 @@ class UrgentService:
                 request, header = requests.take()
                 if header is not None and self._is_needed():
                     delivery.send(
-                        self._service, requests.answer(request, self._type.Response()), header)
+                        requests.service, requests.answer(request, self._type.Response()), header)
                 delivery.send_waiting()
             except Exception as error:  # a request that cannot be read must not end the thread
                 if self._is_needed():
                     self._node.get_logger().error(
-                        f'{self._service.service_name}: {error!r}',
+                        f'{requests.service.service_name}: {error!r}',
                         throttle_duration_sec=LOG_PERIOD)
 
     def _is_needed(self) -> bool:

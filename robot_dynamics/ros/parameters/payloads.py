@@ -88,10 +88,9 @@ def payload_warnings(arm: ArmModel, payloads: Sequence[Payload], values: Values)
     return []
 
 
-def check_all(arm: ArmModel, payloads: Iterable[Payload], values: Values) -> None:
+def check_all(arm: ArmModel, payloads: Sequence[Payload], values: Values) -> None:
     """Raise InvalidInputError for an unknown link, or for an implausible payload."""
-    loads = tuple(payloads)
     if not values[ALLOWED]:
-        check_payloads(arm, loads, _REMEDY)
-    for payload in loads:
+        check_payloads(arm, tuple(payloads), _REMEDY)
+    for payload in payloads:
         arm.link_frame(payload.link, 'payload.header.frame_id')

@@ -123,9 +123,8 @@ class _Loop(ABC):
         """Keep simulated time at its present value; may be set from another thread."""
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._guarded_run, name='simulation', daemon=True)
-
-    def start(self) -> None:
-        self._thread.start()
+        self.start = self._thread.start
+        """Starts the thread."""
 
     def stop(self) -> None:
         """End the thread, before the node is destroyed."""
@@ -276,11 +275,11 @@ class LockStepLoop(_Loop):
             stamp_ns = tick * self._period_ns
             due = max(due + least, time.monotonic())  # a delay is not caught up
             effort = self._ask(stamp_ns, measured)
-            while effort is not None and self.is_paused:
-                self._stopping.wait(RESEND_PERIOD)
-                effort = self._ask(stamp_ns, measured)
             if effort is None:
                 return
+            if self.is_paused:
+                self._stopping.wait(RESEND_PERIOD)
+                continue
             self._apply(effort)
             tick += 1
             self._stopping.wait(due + least - time.monotonic())

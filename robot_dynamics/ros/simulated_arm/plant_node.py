@@ -17,7 +17,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.ros.middleware.graph_watch import GraphWatch, LOOK_PERIOD
-from robot_dynamics.ros.middleware.guarded_callbacks import destroyed_unless_made, GuardedCallbacks
+from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 from robot_dynamics.ros.parameters.declared_parameters import flag, number, Values
 from robot_dynamics.ros.simulated_arm.loops import ArmTopics, LockStepLoop, WallTimeLoop
 from robot_dynamics.simulation.plant import SimulatedRobot
@@ -79,12 +79,6 @@ class PlantNode(GuardedCallbacks):
         a library that the plant needs.
         """
         super().__init__(self.NAME, **node_arguments)
-        with destroyed_unless_made(self):
-            self._set_up()
-
-    @abstractmethod
-    def _set_up(self) -> None:
-        """Declare the parameters, and begin."""
 
     def _begin(
         self, plant: SimulatedRobot, effort_limit: FloatArray | None, values: Values,

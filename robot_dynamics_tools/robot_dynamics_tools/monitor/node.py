@@ -15,7 +15,6 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware.cdr_templates import SensedState
 from robot_dynamics.ros.middleware.diagnostics import Diagnostics, Status
 from robot_dynamics.ros.middleware.guarded_callbacks import (
-    destroyed_unless_made,
     GuardedCallbacks,
 )
 from robot_dynamics.ros.middleware.joint_state_loop import JointStateLoop
@@ -72,8 +71,6 @@ class DynamicsMonitor(GuardedCallbacks):
         Raises RobotDynamicsError if the parameters are invalid.
         """
         super().__init__(NODE, **node_arguments)
-        with destroyed_unless_made(self):
-            self._set_up()
 
     def _set_up(self) -> None:
         self._lock = threading.Lock()

@@ -117,7 +117,7 @@ class TrajectoryInput:
 
     def status(self) -> Status:
         """Return the status `reference` for the diagnostics."""
-        loop, following = self._path.loop, self._path.counters.following
+        loop, following = self._path.loop, self._path.states.following
         level, words = WARN if self.refusal else OK, 'following' if following else 'none'
         missing = shortfall(loop.controller) if loop is not None and following else ''
         oscillation = '' if loop is None else str(loop.controller.laws.oscillation)
