@@ -73,9 +73,10 @@ def read_visuals(xml: str) -> list[Visual]:
             R, p = pose(element)
             shape = _shape(element.find('geometry'))
             if shape is not None and np.isfinite(R).all() and np.isfinite(p).all():
-                visuals.append(Visual(
-                    link.get('name') or '', R, p, shape,
-                    _colour_of(element.find('material'), palette)))
+                material = element.find('material')
+                colour = None if material is None else (
+                    _colour(material) or palette.get(material.get('name') or ''))
+                visuals.append(Visual(link.get('name') or '', R, p, shape, colour))
     return visuals
 
 
@@ -97,15 +98,6 @@ def _shape(geometry: ElementTree.Element | None) -> Shape | None:
         return Sphere(radius)
     length = number(element, 'length')
     return Cylinder(radius, length) if element.tag == 'cylinder' and length > 0.0 else None
-
-
-def _colour_of(
-    material: ElementTree.Element | None, palette: dict[str, Colour],
-) -> Colour | None:
-    """Return the colour in a material, or that of the robot's material of this name."""
-    if material is None:
-        return None
-    return _colour(material) or palette.get(material.get('name') or '')
 
 
 def _colour(material: ElementTree.Element) -> Colour | None:

@@ -30,7 +30,7 @@ from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, Guar
 from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
 from robot_dynamics.ros.middleware.rclpy_internals import message_inbox
-from robot_dynamics.ros.simulated_arm.unanswered_state import UnansweredState
+from robot_dynamics.ros.simulated_arm.unanswered_state import reason_of_silence, seconds
 from robot_dynamics.simulation.plant import Measured, SimulatedRobot
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -42,6 +42,8 @@ MAX_LAG = 0.1
 """Lateness [s] above which the simulation discards its backlog and logs a warning."""
 LONGEST_GAP = 0.02
 """[s] by which the arm moves on without a state while it is late."""
+UNANSWERED_AFTER = 0.7
+"""[s] without an effort for a state of lock-step after which the reason is logged."""
 RESEND_PERIOD = 0.1
 """
 [s] after which the waiting state of lock-step, or the state of a pause, is published again.
@@ -287,18 +289,24 @@ class LockStepLoop(_Loop):
 
     def _ask(self, stamp_ns: int, measured: Measured) -> FloatArray | None:
         """Publish a state until its effort arrives; return None if the loop must stop."""
-        unanswered = UnansweredState(
-            self._node, self._topics.states, self._topics.efforts, stamp_ns,
-            stamp_ns - self._period_ns)
+        since, others, other_ns = time.monotonic(), 0, 0
         while self._running():
             self._topics.publish(stamp_ns, measured)
-            unanswered.log_reason()
-            deadline = time.monotonic() + RESEND_PERIOD
+            now = time.monotonic()
+            if now - since >= UNANSWERED_AFTER:
+                kind, reason = reason_of_silence(
+                    self._topics.states, self._topics.efforts, others, other_ns)
+                self._node.log_rarely(
+                    f'lock_step: {kind}', self._node.get_logger().warning,
+                    f'lock_step: no effort for the joint state of {seconds(stamp_ns)} s for '
+                    f'{now - since:.1f} s: {reason}')
+            deadline = now + RESEND_PERIOD
             while (remaining := deadline - time.monotonic()) > 0.0 and self._running():
                 taken = self._topics.take_effort(remaining)
                 if taken is None:
                     continue
                 if taken[1] == stamp_ns:
                     return taken[0]
-                unanswered.receive_other(taken[1])
+                if taken[1] != stamp_ns - self._period_ns:  # that one may come twice
+                    others, other_ns = others + 1, taken[1]
         return None
