@@ -101,10 +101,9 @@ def _check_size(
     value, given = array[index], entries[index]
     if np.isfinite(value):
         in_words = f'is {value:g}, expected {_range_in_words(-largest, largest, False)}'
-    elif _as_float(given) is None:
-        in_words = f'is {given!r}, expected a finite number'
     else:
-        in_words = f'is {value}, expected a finite number'
+        shown = repr(given) if _as_float(given) is None else value
+        in_words = f'is {shown}, expected a finite number'
     raise InvalidInputError(f'{_label(field, index, names)} {in_words}')
 
 

@@ -100,7 +100,8 @@ def outcome(read: Any, data: bytes) -> Any:
 @pytest.mark.parametrize('n', [1, 7])
 def test_efforts_motions_and_terms_are_written_as_rclpy_writes_them(n):
     names = ['joint' + 'x' * i for i in range(n)]  # with any number of padding bytes
-    named, bare = cdr_templates.effort_template(names), cdr_templates.array_template(n)
+    named = cdr_templates.state_template(names, has_motion=False)
+    bare = cdr_templates.array_template(n)
     strict = get_typestore(Stores.ROS2_JAZZY)  # rejects data with extra bytes
     for shift in (0.0, 0.5):
         stamp = state('', [], [], [], [], 2**31 - 1, 999_999_999)

@@ -82,7 +82,8 @@ class CommandOutput:
     def _publisher(self, message_type: type, topic: str, qos: QoSProfile) -> Any:
         def report(event: Any) -> None:
             policy = qos_policy_name_from_kind(event.last_policy_kind)
-            self.counters.incompatible[topic] = event.total_count
+            self.counters.others[f'incompatible subscribers of {topic}'] = event.total_count
+            self.counters.has_incompatible = True
             self._node.get_logger().warning(
                 f'Incompatible QoS: a subscriber of {topic} requests a different {policy} and '
                 'receives nothing. Offered: reliable (matches best effort), volatile, no '
@@ -261,7 +262,7 @@ class CommandOutput:
         supervisor, logger = loop.supervisor, self._node.get_logger()
         if supervisor.fault_count != self._faults_seen and supervisor.fault is not None:
             self._faults_seen = supervisor.fault_count
-            self.counters.faults[supervisor.fault.name] += 1
+            self.counters.others[f'faults: {supervisor.fault.name}'] += 1
             logger.error(
                 f'Fault {supervisor.fault.name}: {supervisor.fault.message}',
                 throttle_duration_sec=LOG_PERIOD)

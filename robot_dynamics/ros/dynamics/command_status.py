@@ -24,10 +24,11 @@ class CommandCounters:
     """Counters of the command since the start."""
 
     published: int = 0
-    limited: Counter[str] = field(default_factory=Counter)
-    faults: Counter[str] = field(default_factory=Counter)
-    incompatible: Counter[str] = field(default_factory=Counter)
+    others: Counter[str] = field(default_factory=Counter)
+    """By their keys in the diagnostics."""
     limited_at: float = -math.inf
+    has_incompatible: bool = False
+    """Whether a subscriber requests an incompatible QoS."""
 
     def count_limits(self, output: ControlOutput, active: ActiveLimits | None) -> None:
         """Count the limits that have changed the effort of a state."""
@@ -41,18 +42,13 @@ class CommandCounters:
                     self._count_limit(name)
 
     def _count_limit(self, name: str) -> None:
-        self.limited[name] += 1
+        self.others[f'held back by {name}'] += 1
         self.limited_at = time.monotonic()
 
     @property
     def figures(self) -> dict[str, int]:
         """The counters by their keys in the diagnostics."""
-        return {
-            'published': self.published,
-            **{f'held back by {name}': n for name, n in sorted(self.limited.items())},
-            **{f'faults: {name}': n for name, n in sorted(self.faults.items())},
-            **{f'incompatible subscribers of {topic}': n
-               for topic, n in sorted(self.incompatible.items())}}
+        return {'published': self.published, **dict(sorted(self.others.items()))}
 
 
 def active_words(command: str, states: str, node: str) -> str:
@@ -85,6 +81,6 @@ def command_verdict(
         return WARN, mode.value
     if time.monotonic() - counters.limited_at < TELL_FOR:
         return WARN, 'held back by a limit'
-    if counters.incompatible:
+    if counters.has_incompatible:
         return WARN, 'a subscriber requests an incompatible QoS'
     return OK, mode.value

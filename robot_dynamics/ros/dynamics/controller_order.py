@@ -67,7 +67,7 @@ class _Subscriber:
         self.has_service = self._future is not None or self._has_service()
         if time.monotonic() - self._since < (PATIENCE if self.has_service else GRACE):
             return ''
-        self._finish()
+        self.close()
         return 'its parameter service does not answer' if self.has_service else (
             'it has no parameter service')
 
@@ -80,19 +80,16 @@ class _Subscriber:
         return False
 
     def _take(self, values: Sequence[Any]) -> str:
-        self._finish()
+        self.close()
         if not values or values[0].type != ParameterType.PARAMETER_STRING_ARRAY or (
                 not values[0].string_array_value):
             return 'it has no parameter `joints`'
         self.joints = list(values[0].string_array_value)
         return ''
 
-    def _finish(self) -> None:
-        self.is_checked = True
-        self.close()
-
     def close(self) -> None:
-        """End the request."""
+        """End the request and the check."""
+        self.is_checked = True
         if self._client is not None:
             self._node.destroy_client(self._client)
             self._client = self._future = None

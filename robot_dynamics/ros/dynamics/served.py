@@ -13,7 +13,6 @@ from robot_dynamics.ros.dynamics.effort_check import EffortCheck
 from robot_dynamics.ros.dynamics.external_effort_fault import ExternalEffortFault
 from robot_dynamics.ros.middleware.cdr_templates import (
     array_template,
-    effort_template,
     state_template,
     terms_template,
 )
@@ -36,7 +35,7 @@ class ArmMessages:
         """Reason why the embedded arm is not served, empty if it is."""
         self.is_open, self.used_at = not is_embedded, time.monotonic()
         """Whether no description is awaited, and there are no foreign joints."""
-        self.effort = effort_template(joint_names)
+        self.effort = state_template(joint_names, has_motion=False)
         self.bare_command = array_template(len(joint_names))
         self.motion = state_template(joint_names, has_effort=False)
         self.drive_command = state_template(joint_names)

@@ -211,11 +211,6 @@ class MessageTemplate:
         return bytes(data)
 
 
-def effort_template(joint_names: Sequence[str]) -> MessageTemplate:
-    """Return the template of a `sensor_msgs/JointState` with efforts only."""
-    return state_template(joint_names, has_motion=False)
-
-
 def state_template(
     joint_names: Sequence[str], has_motion: bool = True, has_effort: bool = True,
 ) -> MessageTemplate:

@@ -13,6 +13,7 @@ of `rosbags`: the typestore decodes every point, which is the delay that the lim
 the nodes run without `rosbags`.
 """
 
+from contextlib import suppress
 import struct
 from typing import Any
 
@@ -41,24 +42,17 @@ def read_message(data: bytes, message_type: type, largest: int = LARGEST_MESSAGE
             f'the message has {len(data)} bytes, expected at most {largest}: larger '
             'messages would delay control')
     if message_type is JointTrajectory:
-        _check_points(data)
+        with suppress(struct.error):  # too short: rejected below
+            if (count := _point_count(data)) > MOST_POINTS:
+                raise UnreadableMessageError(
+                    f'points has {count} points, expected at most {MOST_POINTS}: more points '
+                    'would delay control')
     try:
         return deserialize_message(data, message_type)
     except Exception:  # rclpy gives no reason
         raise UnreadableMessageError(
             f'the message of {len(data)} bytes cannot be read, expected a serialized '
             f'{message_type.__name__}') from None
-
-
-def _check_points(data: bytes) -> None:
-    try:
-        count = _point_count(data)
-    except struct.error:  # too short: rejected later
-        return
-    if count > MOST_POINTS:
-        raise UnreadableMessageError(
-            f'points has {count} points, expected at most {MOST_POINTS}: more points '
-            'would delay control')
 
 
 def _point_count(data: bytes) -> int:

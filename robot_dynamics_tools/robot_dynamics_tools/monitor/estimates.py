@@ -20,7 +20,7 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.ros.middleware.cdr_templates import effort_template
+from robot_dynamics.ros.middleware.cdr_templates import state_template
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import subscription_count
@@ -45,7 +45,7 @@ class Estimates:
         """Estimate with a model, at the bandwidths of `dynamics` and of the `values`."""
         self._arm = model.arm
         self._deviation: EffortDeviation | None = None
-        self.template = effort_template(model.arm.joint_names)
+        self.template = state_template(model.arm.joint_names, has_motion=False)
         dynamics = ArmDynamics(model.arm)
         self._external = ExternalEffort(dynamics, model.values['external_effort_bandwidth'])
         self._residual = LiveResidual(dynamics, values['residual_bandwidth'])
