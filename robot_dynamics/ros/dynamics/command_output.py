@@ -20,7 +20,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws.law_table import NO_COMMAND
-from robot_dynamics.control.loop import ControlLoop, LoopAnswer
+from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.safety.ending import Ending
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
@@ -211,11 +211,6 @@ class CommandOutput:
             return  # a context that has ended publishes nothing
         self.counters.published += 1
 
-    def follow(self, answer: LoopAnswer) -> None:
-        """Log and count what has changed with this answer; the caller holds `lock`."""
-        self.counters.count_limits(answer.output, answer.limits)
-        self.log_changes()
-
     def fail(self, fault: Fault) -> None:
         """Start the fault action."""
         with self._changed:
@@ -255,7 +250,7 @@ class CommandOutput:
         return supervisor.options.state_timeout
 
     def log_changes(self) -> None:
-        """Log a fault that has begun, and one that has ended; wake the watchdog if necessary."""
+        """Log a fault that begins or ends, and wake the watchdog; the caller holds `lock`."""
         loop = self.loop
         if loop is None:
             return

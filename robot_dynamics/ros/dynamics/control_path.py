@@ -53,7 +53,6 @@ class ControlPath:
         self._has_several_publishers = lambda: count_publishers() > 1
         self.when_changed = when_changed
         self.states = StateLog(node, lambda: self.loop)
-
         publishers = [
             node.create_publisher(message_type, topic, NEWEST_ONLY)
             for topic, message_type in (
@@ -130,13 +129,17 @@ class ControlPath:
             whole = self._completed(messages, state)
             if whole is None:
                 return
-            state, (q, v) = whole, self._read(served, whole)
+            state, (q, v) = whole, messages.reader.read(whole)
+            messages.has_effort = len(whole.effort) > 0
+            if not messages.has_effort:
+                served.check.lack_effort()
         answer = served.loop.answer(
             state.stamp_ns, q, v, time.time_ns(), steady_ns, self._has_several_publishers,
             command.order.fault, partial(command.publish, state.stamp))
         mode = served.loop.supervisor.mode
         if mode is not command.mode_seen or mode is not Mode.RUNNING or answer.limits is not None:
-            command.follow(answer)
+            command.counters.count_limits(answer.output, answer.limits)
+            command.log_changes()
         self._follow(served, state, answer, q, v, 1e-9 * steady_ns)
 
     def refuse(self, error: UnreadableMessageError) -> None:
@@ -148,9 +151,11 @@ class ControlPath:
         if messages.foreign_joints:
             self.states.refuse_embedded(messages.foreign_joints)
             return None
-        if not messages.is_open and self._description_is_published(messages):
-            self.states.count('robot_description not received yet')
-            return None
+        if not messages.is_open:  # a description may be published and not received yet
+            messages.is_open = time.monotonic() - messages.used_at >= DISCOVERY_TIME
+            if self._node.count_publishers('robot_description') > 0:
+                self.states.count('robot_description not received yet')
+                return None
         try:
             state = messages.assembly.take(received)
         except ForeignJointsError as error:
@@ -160,22 +165,6 @@ class ControlPath:
         if state is None:
             self.states.part(messages.assembly.missing, messages.used_at)
         return state
-
-    def _read(
-        self, served: Served, state: SensedState,
-    ) -> tuple[FloatArray, FloatArray | None]:
-        """Return position and velocity (n,) of a state."""
-        messages = served.messages
-        q, v = messages.reader.read(state)
-        messages.has_effort = len(state.effort) > 0
-        if not messages.has_effort:
-            served.check.lack_effort()
-        return q, v
-
-    def _description_is_published(self, messages: ArmMessages) -> bool:
-        """Return whether a description that is not received yet will replace the embedded arm."""
-        messages.is_open = time.monotonic() - messages.used_at >= DISCOVERY_TIME
-        return bool(self._node.count_publishers('robot_description') > 0)
 
     # ------------------------------------------------------------------ after the command
 
