@@ -5,6 +5,7 @@
 
 from collections.abc import Collection, Sequence
 from contextlib import suppress
+from dataclasses import asdict
 import textwrap
 from typing import NamedTuple
 
@@ -84,8 +85,7 @@ def findings_as_data(checked: CheckedModel, ignored: Sequence[str]) -> dict[str,
     """Return findings and their scope as types of JSON."""
     return {
         'findings': [
-            {'check': finding.check, 'level': finding.level, 'where': finding.where,
-             'message': finding.message, 'ignored': finding.check in ignored}
+            {**asdict(finding), 'ignored': finding.check in ignored}
             for finding in checked.findings],
         'links_with_unread_geometry': list(checked.unread),
         'scope': checked.scope}

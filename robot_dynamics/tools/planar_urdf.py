@@ -32,33 +32,31 @@ def _parser() -> command_line.Parser:
         description='Write the URDF of a planar arm, with one value per link, base first. '
                     'Without arguments: the default two-link arm of this package.')
     own = PlanarChain.from_two_link(PlanarTwoLink())
-    for flag, values, unit, meaning in (
-        ('--masses', own.masses, 'kg', 'mass'),
-        ('--lengths', own.lengths, 'm', 'length'),
-        ('--com-distances', own.com_distances, 'm', 'centre of mass: distance from the joint'),
-        ('--inertias', own.inertias, 'kg·m²', 'moment of inertia about the centre of mass'),
+    for flag, unit, meaning, default in (
+        ('--masses', 'kg', 'mass', _in_words(own.masses)),
+        ('--lengths', 'm', 'length', _in_words(own.lengths)),
+        ('--com-distances', 'm', 'centre of mass: distance from the joint',
+         _in_words(own.com_distances)),
+        ('--inertias', 'kg·m²', 'moment of inertia about the centre of mass',
+         _in_words(own.inertias)),
+        ('--viscous', 'N·m·s/rad', 'viscous friction', '0'),
+        ('--coulomb', 'N·m', 'Coulomb friction', '0'),
+        ('--effort-limits', 'N·m', 'effort limits',
+         f'{_in_words(urdf.DEFAULT_EFFORT_LIMITS)} for the default links, '
+         f'{urdf.GENEROUS_EFFORT_LIMIT:g} for others'),
+        ('--velocity-limits', 'rad/s', 'velocity limits',
+         f'{_in_words(urdf.DEFAULT_VELOCITY_LIMITS)} for the default links, '
+         f'{urdf.GENEROUS_VELOCITY_LIMIT:g} for others'),
     ):
-        _add_numbers(parser, flag, unit, f'{meaning} (default: {_in_words(values)})')
-    _add_numbers(parser, '--viscous', 'N·m·s/rad', 'viscous friction (default: 0)')
-    _add_numbers(parser, '--coulomb', 'N·m', 'Coulomb friction (default: 0)')
-    _add_numbers(
-        parser, '--effort-limits', 'N·m',
-        f'effort limits (default: {_in_words(urdf.DEFAULT_EFFORT_LIMITS)} for the default links, '
-        f'{urdf.GENEROUS_EFFORT_LIMIT:g} for others)')
-    _add_numbers(
-        parser, '--velocity-limits', 'rad/s',
-        f'velocity limits (default: {_in_words(urdf.DEFAULT_VELOCITY_LIMITS)} for the default '
-        f'links, {urdf.GENEROUS_VELOCITY_LIMIT:g} for others)')
+        parser.add_argument(
+            flag, type=float, nargs='+', metavar='X',
+            help=f'[{unit}] {meaning} (default: {default})')
     parser.add_argument(
         '--name', default='planar_arm', help='name of the robot (default: %(default)s)')
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE', help='output file (default: stdout)')
     command_line.add_force(parser)
     return parser
-
-
-def _add_numbers(parser: argparse.ArgumentParser, flag: str, unit: str, meaning: str) -> None:
-    parser.add_argument(flag, type=float, nargs='+', metavar='X', help=f'[{unit}] {meaning}')
 
 
 def _in_words(values: Sequence[float]) -> str:

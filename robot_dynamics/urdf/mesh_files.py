@@ -35,7 +35,7 @@ def find_mesh(name: str, directory: Path) -> Path | None:
         candidates = [place / inside for place in (*above, *_share_directories())]
     else:
         return None
-    return next(filter(_is_file, candidates), None)
+    return next(filter(os.path.isfile, candidates), None)
 
 
 def find_untrusted_mesh(name: str, declared: Sequence[Path] = ()) -> Path:
@@ -58,12 +58,13 @@ def find_untrusted_mesh(name: str, declared: Sequence[Path] = ()) -> Path:
         raise ModelError(f'mesh {name!r} is of an unknown kind, expected package:// or file://')
     candidates = [Path(os.path.normpath(path)) for path in candidates]  # without ..
     opened = [path for path in candidates if any(map(path.is_relative_to, shares))
-              or any(_resolved(path).is_relative_to(_resolved(place)) for place in declared)]
+              or any(Path(os.path.realpath(path)).is_relative_to(os.path.realpath(place))
+                     for place in declared)]
     if not opened:
         raise ModelError(
             f'mesh {name!r} of a description from a topic is not opened, expected a file below '
             'the share directory of a package or a declared directory (--mesh-path)')
-    found = next(filter(_is_file, opened), None)
+    found = next(filter(os.path.isfile, opened), None)
     if found is None:
         raise ModelError(f'mesh {name!r} is not found')
     return found
@@ -84,17 +85,3 @@ def _share_directories() -> list[Path]:
         Path(os.path.normpath(prefix), 'share')
         for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
         if os.path.isabs(prefix)]
-
-
-def _resolved(path: Path) -> Path:
-    try:
-        return path.resolve()
-    except (OSError, RuntimeError, ValueError):  # circular links, or an invalid name
-        return Path(os.devnull)
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # an invalid name, for example one that is too long
-        return False

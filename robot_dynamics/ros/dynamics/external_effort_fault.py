@@ -113,8 +113,7 @@ class ExternalEffortFault:
         if not verdict.is_new:
             return None
         try:
-            with np.errstate(over='ignore', invalid='ignore'):
-                estimate = self._estimate(reader, state, q, v, verdict, robot_gravity)
+            estimate = self._estimate(reader, state, q, v, verdict, robot_gravity)
             self._obstacle = ''
             return None if estimate is None or v is None else self._excess(estimate, v)
         except Exception as error:  # an error of the estimate must not stop the control path

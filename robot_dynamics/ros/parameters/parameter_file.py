@@ -43,9 +43,7 @@ class ParameterFile:
     def _tree(self) -> Any:
         try:
             return load_yaml(self.path.read_text(encoding='utf-8'), 'a parameter file')
-        except (OSError, ValueError) as error:
-            reason: object = error
-        except Exception as error:  # yaml.YAMLError, of a library that is loaded late
+        except Exception as error:  # also yaml.YAMLError, of a library that is loaded late
             reason = ' '.join(str(error).split())
         raise InvalidInputError(
             f'{self._field} is {str(self.path)!r}, which cannot be read: {reason}; expected a '
