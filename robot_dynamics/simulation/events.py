@@ -42,25 +42,18 @@ Advance = Callable[[float], StepEnd]
 """From one state, for a time [s], in one mode."""
 
 
-class Event(NamedTuple):
-    """The first event of a step: its time [s], and the motion up to the event."""
-
-    time: float
-    end: StepEnd
-
-
 def first_event(
     forces: JointForces, state: MotionState, h: float, modes: GearModes, a: FloatArray,
     end: StepEnd, advance: Advance,
-) -> Event | None:
+) -> tuple[float, StepEnd]:
     """
-    Return the first event in the h [s] from `state` to `end`, or None.
+    Return the time [s] and the end of the motion up to its first event, h and `end` without one.
 
-    `a` (n,) is the acceleration at the start.
+    The motion takes h [s] from `state`; `a` (n,) is the acceleration at its start.
     """
     late_margins = _margins(forces, end, modes)
     if late_margins.min() >= 0.0:
-        return None
+        return h, end
     early, late, side = 0.0, h, 0.0
     early_margins = _margins(forces, StepEnd(state, 0.0, a), modes)
     for i in range(1, _ITERATIONS):
@@ -84,7 +77,7 @@ def first_event(
         z = np.where(slips, np.sign(z), z)
     stopped = MotionState(
         q, np.where(stops, 0.0, v), theta, np.where(stops & ~modes.open, 0.0, omega), z)
-    return Event(time, end._replace(state=stopped))
+    return time, end._replace(state=stopped)
 
 
 def _first_root(early: FloatArray, late: FloatArray, bisects: bool) -> float:

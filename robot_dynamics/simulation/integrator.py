@@ -103,11 +103,10 @@ class MotionIntegrator:
                 return StepResult(state, heat, had_impact)
             piece = self._undisturbed(state, h, modes)
             end = self._advance(state, piece, modes, a)
-            event = first_event(
+            passed, end = first_event(
                 forces, state, piece, modes, a, end,
                 partial(self._advance, state, modes=modes, a=a))
-            passed, end = event if event is not None else (piece, end)
-            event_count += event is not None
+            event_count += passed < piece
             state, heat, a, h = end.state, heat + end.heat, end.a, h - passed
             if h <= 0.0:
                 return StepResult(state, heat, had_impact)
