@@ -19,6 +19,7 @@ from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.joints.actuator import Actuators
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.trajectories.efforts import limit_ratios
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.path_grid import PathEnd, PathGrid
 from robot_dynamics.trajectories.reachability import Rows
@@ -81,14 +82,10 @@ class PathLimits(NamedTuple):
         """Return |value| / limit (..., n) of each limited quantity of a motion, by its name."""
         arm = self.dynamics.arm
         tau = load + arm.friction.effort(v, load)
-        by_name = {'velocity': np.abs(v) / arm.limits.velocity,
-                   'acceleration': np.abs(a) / self.acceleration,
-                   'effort': np.abs(tau) / (self.share * arm.limits.effort)}
-        if arm.actuators is not None:
-            of_motor = arm.actuators.load(tau, v, a)
-            by_name.update(current=of_motor.current_ratio / self.share,
-                           voltage=of_motor.voltage_ratio / self.share)
-        return by_name
+        return {'velocity': np.abs(v) / arm.limits.velocity,
+                'acceleration': np.abs(a) / self.acceleration,
+                **{name: ratio / self.share
+                   for name, ratio in limit_ratios(arm, tau, v, a).items()}}
 
     def bounds(self, v: FloatArray) -> RigidBodyBounds:
         """Return the bounds at velocities (..., n)."""
