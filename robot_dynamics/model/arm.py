@@ -241,8 +241,7 @@ class ArmModel:
         loads = tuple(payload for payload in payloads if payload.mass > 0.0)
         for payload in loads:
             frame = self.link_frame(payload.link, 'payload.header.frame_id')
-            load = pin.Inertia(payload.mass, payload.com, payload.inertia)
-            model.inertias[frame.parentJoint] += frame.placement.act(load)
+            model.inertias[frame.parentJoint] += frame.placement.act(payload.body)
         return replace(self, pinocchio_model=model, payloads=loads)
 
 
