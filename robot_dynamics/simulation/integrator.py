@@ -87,11 +87,6 @@ class MotionIntegrator:
 
     def _through_events(self, state: MotionState, h: float) -> StepResult:
         forces = self._forces
-        if forces.backlash is None and not forces.friction.is_dry:
-            free = self._modes.free
-            end = self._advance(state, h, free._replace(
-                is_steep=self._modes.is_steep(free.joints, state.v, state.v)), None)
-            return StepResult(end.state, end.heat)
         heat, had_impact, a, event_count = 0.0, False, None, 0
         while event_count < _MAX_EVENTS:
             if forces.backlash is not None:
