@@ -70,25 +70,14 @@ class UncheckedArmDynamics:
         At rest, any dry friction up to F_s is possible; it is assumed to be 0.
         """
         effort = self.rigid_body.inverse_dynamics(q, v, a, wrenches)
-        return effort if self.is_frictionless else effort + self.friction_effort(v, effort)
+        return effort if self.is_frictionless else effort + self.friction.effort(v, effort)
 
     def inverse_dynamics_batch(
         self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int = 1,
     ) -> FloatArray:
         """Return the efforts of many states; all arrays are (samples, n)."""
         effort = self.rigid_body.inverse_dynamics_batch(q, v, a, threads)
-        return effort if self.is_frictionless else effort + self.friction_effort(v, effort)
-
-    def friction_effort(
-        self, v: FloatArray, load: FloatArray, smooth: bool = False,
-    ) -> FloatArray:
-        """
-        Return the friction (..., n) at the velocity v.
-
-        `load` (..., n) is the effort of the rigid bodies. `smooth` replaces the sign of v in dry
-        friction by a sigmoid (`JointFriction.smooth_effort`).
-        """
-        return self.friction.smooth_effort(v, load) if smooth else self.friction.effort(v, load)
+        return effort if self.is_frictionless else effort + self.friction.effort(v, effort)
 
     def friction_along(self, q: FloatArray, v: FloatArray, load: FloatArray) -> FloatArray:
         """
@@ -155,7 +144,7 @@ class UncheckedArmDynamics:
             q, v, a, wrenches)
         if friction is None:
             load = inertial + coriolis + gravity + external
-            friction = self.friction_effort(v, load)
+            friction = self.friction.effort(v, load)
         return EffortTerms(
             inertial, coriolis, gravity, friction, external,
             inertial + coriolis + gravity + friction + external, *energies)
@@ -242,10 +231,6 @@ class ArmDynamics:
         """Return U(q) = −Σ m gᵀ c [J] of all mass, measured from the origin of the base frame."""
         return self._body.potential_energy(**self._vectors(q=q))
 
-    def potential_energy_batch(self, q: npt.ArrayLike) -> FloatArray:
-        """Return the potential energy (samples,) [J] of many positions (samples, n)."""
-        return self._body.potential_energy_batch(**self._samples(q=q))
-
     def inverse_dynamics(
         self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike, wrenches: Wrenches = (),
     ) -> FloatArray:
@@ -297,7 +282,9 @@ class ArmDynamics:
         v and `load`, the effort of the rigid bodies M a + C v + g − Jᵀ f, are both (n,) or both
         (samples, n). With `smooth`, dry friction is a sigmoid of the velocity around rest.
         """
-        return self.unchecked.friction_effort(**self._states(v=v, load=load), smooth=smooth)
+        friction = self.arm.friction
+        return (friction.smooth_effort if smooth else friction.effort)(
+            **self._states(v=v, load=load))
 
     def friction_along(
         self, q: npt.ArrayLike, v: npt.ArrayLike, load: npt.ArrayLike,
@@ -392,4 +379,4 @@ def model_terms(
         gravity=gravity,
         friction=dynamics.unchecked.friction_along(q, v, whole),
         kinetic_energy=np.asarray(0.5 * np.einsum('ij,ij->i', v, momentum)),
-        potential_energy=body.potential_energy_batch(q))
+        potential_energy=np.array([body.potential_energy(row) for row in q]))

@@ -50,7 +50,7 @@ class InnerController:
             effort = effort + self._dynamics.rigid_body.gravity(q)
         if self.convention.compensates_friction:
             # smooth around rest, where the sign of a measured velocity would chatter
-            effort = effort + self._dynamics.friction_effort(v, effort, smooth=True)
+            effort = effort + self._dynamics.friction.smooth_effort(v, effort)
         return effort if self.drive is None else self.drive.torque(effort)
 
     def measured(

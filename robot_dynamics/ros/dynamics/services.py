@@ -215,7 +215,7 @@ class DynamicsServices:
         response.gravity = floats_to_ros(order.answer(body.gravity(q)))
         nonlinear = body.nonlinear(q, v)
         response.nonlinear = floats_to_ros(order.answer(nonlinear))
-        response.friction = floats_to_ros(order.answer(dynamics.friction_effort(v, nonlinear)))
+        response.friction = floats_to_ros(order.answer(dynamics.friction.effort(v, nonlinear)))
         if request.include_christoffel:
             response.christoffel = floats_to_ros(
                 order.answer_form(body.christoffel_symbols(q)))
