@@ -204,10 +204,11 @@ class JointFriction:
         `direction` (n,) in [-1, 1] is that of dry friction, `gear_direction` that of friction of
         gears and drives.
         """
-        effort = self._joint_effort(v, direction)
+        effort = self._at_joint.effort(v, 0.0, direction)
         if not self.has_gear_terms:
             return effort
-        return effort + (self._gear_size(load) * gear_direction + self.effort_bias)
+        size = self.sigmoid + self.load_coefficient * np.abs(load)
+        return effort + (size * gear_direction + self.effort_bias)
 
     @cached_property
     def tracking_width(self) -> FloatArray:
@@ -253,15 +254,9 @@ class JointFriction:
 
     @cached_property
     def _at_joint(self) -> 'JointFriction':
+        """This friction without that of gears and drives."""
         return self.replaced(
             sigmoid=self._rest, load_coefficient=self._rest, effort_bias=self._rest)
-
-    def _joint_effort(self, v: FloatArray, sign: FloatArray | None) -> FloatArray:
-        """Return the effort without friction of gears and drives."""
-        return self._at_joint.effort(v, 0.0, sign)
-
-    def _gear_size(self, load: FloatArray | float) -> FloatArray:
-        return np.asarray(self.sigmoid + self.load_coefficient * np.abs(load))
 
 
 def _tracking_sign(ratio: FloatArray, offset: FloatArray) -> FloatArray:

@@ -30,7 +30,7 @@ from robot_dynamics.joints.stiction import choose_modes, constrained_motion
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.external_wrench import Wrenches
 from robot_dynamics.model.unchecked_rigid_body import singular_mass_matrix, UncheckedRigidBody
-from robot_dynamics.validation import check_samples, check_scalar, check_states, check_vector
+from robot_dynamics.validation import check_samples, check_states, check_vector
 
 
 class EffortTerms(NamedTuple):
@@ -72,11 +72,9 @@ class UncheckedArmDynamics:
         effort = self.rigid_body.inverse_dynamics(q, v, a, wrenches)
         return effort if self.is_frictionless else effort + self.friction.effort(v, effort)
 
-    def inverse_dynamics_batch(
-        self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int = 1,
-    ) -> FloatArray:
+    def inverse_dynamics_batch(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return the efforts of many states; all arrays are (samples, n)."""
-        effort = self.rigid_body.inverse_dynamics_batch(q, v, a, threads)
+        effort = self.rigid_body.inverse_dynamics_batch(q, v, a)
         return effort if self.is_frictionless else effort + self.friction.effort(v, effort)
 
     def friction_along(self, q: FloatArray, v: FloatArray, load: FloatArray) -> FloatArray:
@@ -243,15 +241,10 @@ class ArmDynamics:
         return self.unchecked.inverse_dynamics(**self._vectors(q=q, v=v, a=a), wrenches=wrenches)
 
     def inverse_dynamics_batch(
-        self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike, threads: int = 1,
+        self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike,
     ) -> FloatArray:
-        """
-        Return the efforts of many states; all arrays are (samples, n).
-
-        `threads` >= 1 share the work if Pinocchio was built with OpenMP.
-        """
-        return self.unchecked.inverse_dynamics_batch(
-            **self._samples(q=q, v=v, a=a), threads=int(check_scalar('threads', threads, 1)))
+        """Return the efforts of many states; all arrays are (samples, n)."""
+        return self.unchecked.inverse_dynamics_batch(**self._samples(q=q, v=v, a=a))
 
     def forward_dynamics(
         self, q: npt.ArrayLike, v: npt.ArrayLike, tau: npt.ArrayLike, wrenches: Wrenches = (),

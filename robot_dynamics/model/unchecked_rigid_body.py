@@ -8,6 +8,7 @@ Inputs and units are those of `arm_dynamics`, which checks them. Source: R. Feat
 Body Dynamics Algorithms*, Springer 2008.
 """
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -44,7 +45,6 @@ class UncheckedRigidBody:
         # fixed to the base (docs/evidence/pinocchio_notes.md).
         base = self._model.inertias[0]
         self._base_energy = float(-base.mass * self._model.gravity.linear @ base.lever)
-        self._pool: Any = None
 
     # ------------------------------------------------------------------ efforts
 
@@ -98,14 +98,8 @@ class UncheckedRigidBody:
             self.external(q, wrenches), 0.5 * float(v_tree @ data.M @ v_tree),
             data.potential_energy + self._base_energy)
 
-    def inverse_dynamics_batch(
-        self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int = 1,
-    ) -> FloatArray:
-        """
-        Return the efforts of many states; all arrays are (samples, n).
-
-        `threads` share the work if Pinocchio was built with OpenMP; otherwise one thread does it.
-        """
+    def inverse_dynamics_batch(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return the efforts of many states; all arrays are (samples, n)."""
         x = self._x
         q_tree, v_tree, a_tree = x.position(q), x.rate(v), x.rate(a)
         tau = np.zeros_like(q_tree)
@@ -114,7 +108,7 @@ class UncheckedRigidBody:
             part = slice(i, i + _BATCH)
             states = q_tree[part], v_tree[part], a_tree[part]
             tau[part] = (
-                self._rnea_in_parallel(*states, threads) if HAS_PARALLEL_RNEA else
+                self._rnea_in_parallel(*states) if HAS_PARALLEL_RNEA else
                 self._rnea_one_by_one(*states))
         return x.effort(tau)
 
@@ -123,15 +117,15 @@ class UncheckedRigidBody:
         zero = np.zeros_like(q)
         return self.inverse_dynamics_batch(q, zero, zero)
 
-    def _rnea_in_parallel(
-        self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int,
-    ) -> FloatArray:
-        if self._pool is None or self._pool.size() < threads:
-            self._pool = pin.ModelPool(self._model, threads)
+    @cached_property
+    def _pool(self) -> Any:
+        return pin.ModelPool(self._model, 1)
+
+    def _rnea_in_parallel(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         # Pinocchio expects one sample per column, and returns a flat array for one joint or one
         # sample.
         columns = (np.asfortranarray(rows.T) for rows in (q, v, a))
-        tau = pin.rneaInParallel(threads, self._pool, *columns)
+        tau = pin.rneaInParallel(1, self._pool, *columns)
         return np.asarray(tau.reshape(q.shape[::-1]).T)
 
     def _rnea_one_by_one(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
@@ -155,25 +149,10 @@ class UncheckedRigidBody:
         """
         Return c_ijk = ½ (∂M_ij/∂q_k + ∂M_ik/∂q_j − ∂M_jk/∂q_i), (n, n, n).
 
-        Row i of the equation of motion has Σ_jk c_ijk v_j v_k, a quadratic form in v; its
-        symmetric coefficients follow exactly from the values at e_j and e_j + e_k.
+        C is linear in v, C_ij(q, v) = Σ_k c_ijk v_k: the symbols are its values at the unit vectors.
         """
-        n = self._model.nv
-        q_tree, zero = self._x.position(q), self._zero
-
-        def quadratic(v: FloatArray) -> FloatArray:
-            return np.asarray(pin.rnea(self._weightless, self._data, q_tree, v, zero))
-
-        e = np.eye(n)
-        square = [quadratic(e[j]) for j in range(n)]
-        c = np.empty((n, n, n))
-        for j in range(n):
-            c[:, j, j] = square[j]
-            for k in range(j):
-                c[:, j, k] = 0.5 * (quadratic(e[j] + e[k]) - square[j] - square[k])
-                c[:, k, j] = c[:, j, k]
-        G = self._x.G
-        return np.asarray(np.einsum('abc,ai,bj,ck->ijk', c, G, G, G, optimize=True))
+        return np.stack(
+            [self.coriolis_matrix(q, e_k) for e_k in np.eye(self.arm.joint_count)], axis=-1)
 
     # ------------------------------------------------------------------ motion and energy
 

@@ -70,7 +70,7 @@ def within_rates(
     caps, rows = velocity_caps(limits, grid, np.zeros(m)), constraints(
         limits, grid, terms, x, np.zeros(m), np.zeros((m, n)))
     for _ in range(_ROUNDS):
-        result, first, last = smoothed(names, timing, window)
+        result, first, last = _smoothed(names, timing, window)
         excess = _excess_of_speed(limits, result, rates)
         if excess.max() <= 1.0 + _ENOUGH:
             break
@@ -118,20 +118,14 @@ def _rates(limits: PathLimits, result: JointTrajectory, rates: FloatArray) -> Fl
     return np.asarray((_PARTS * steps / T / rates).max(axis=1))
 
 
-class Smoothed(NamedTuple):
+def _smoothed(
+    names: tuple[str, ...], timing: PathTiming, window: float,
+) -> tuple[JointTrajectory, IntArray, IntArray]:
     """
-    A motion, and the part of the path over which σ̇ was averaged at each of its k points.
+    Return the motion with the mean σ̇ over a window [s], with accelerations at all k points.
 
-    `first` and `last` (k,) are numbers of nodes of the grid.
+    The other values (k,) are the first and last nodes between which σ̇ was averaged.
     """
-
-    trajectory: JointTrajectory
-    first: IntArray
-    last: IntArray
-
-
-def smoothed(names: tuple[str, ...], timing: PathTiming, window: float) -> Smoothed:
-    """Return the motion with the mean σ̇ over a window [s], with accelerations at all points."""
     stops = np.flatnonzero(timing.grid.rests)
     points: list[TrajectoryPoint] = []
     nodes: list[FloatArray] = []
@@ -143,7 +137,7 @@ def smoothed(names: tuple[str, ...], timing: PathTiming, window: float) -> Smoot
             t[more], *(values[more] for values in motion))]
         nodes.append(first + part[:, more])
         begin += float(t[-1])
-    return Smoothed(JointTrajectory(names, tuple(points)), *np.concatenate(nodes, axis=1))
+    return JointTrajectory(names, tuple(points)), *np.concatenate(nodes, axis=1)
 
 
 def _section(

@@ -157,9 +157,8 @@ def batch_is_the_single_ones(case):
     npt.assert_allclose(
         dynamics.gravity_batch(q), [dynamics.gravity(row) for row in q], rtol=0,
         atol=1e-11 * max(1.0, abs(expected).max()))
-    for threads in (1, 2):
-        batch = dynamics.inverse_dynamics_batch(q, v, a, threads)
-        npt.assert_allclose(batch, expected, rtol=0, atol=1e-11 * max(1.0, abs(expected).max()))
+    batch = dynamics.inverse_dynamics_batch(q, v, a)
+    npt.assert_allclose(batch, expected, rtol=0, atol=1e-11 * max(1.0, abs(expected).max()))
     assert dynamics.inverse_dynamics_batch(q[:0], v[:0], a[:0]).shape == (0, n)
 
 
