@@ -149,7 +149,7 @@ class UncheckedRigidBody:
         """
         Return c_ijk = ½ (∂M_ij/∂q_k + ∂M_ik/∂q_j − ∂M_jk/∂q_i), (n, n, n).
 
-        C is linear in v, C_ij(q, v) = Σ_k c_ijk v_k: the symbols are its values at the unit vectors.
+        C is linear in v, C_ij(q, v) = Σ_k c_ijk v_k: the symbols are its values at unit vectors.
         """
         return np.stack(
             [self.coriolis_matrix(q, e_k) for e_k in np.eye(self.arm.joint_count)], axis=-1)
