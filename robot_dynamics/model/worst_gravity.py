@@ -117,13 +117,9 @@ class _Ascent:
         if not rows.size or self._low[j] == self._high[j]:
             return
         candidates = self._candidates(j, rows)
-        q = np.repeat(self._q[rows][:, None], candidates.shape[1], axis=1)
+        count = candidates.shape[1]
+        q = np.repeat(self._q[rows][:, None], count, axis=1)
         q[:, :, j] = candidates
-        self._take_best(rows, q)
-
-    def _take_best(self, rows: IntArray, q: FloatArray) -> None:
-        """Move climbers to the best of their candidates (rows, candidates, n), if better."""
-        count = q.shape[1]
         value = self._own_gravity(
             q.reshape(-1, q.shape[2]), np.repeat(self._joint[rows], count)).reshape(-1, count)
         best = np.abs(value).argmax(axis=1)
