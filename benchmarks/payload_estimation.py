@@ -37,7 +37,6 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload, Payload
-from robot_dynamics.model.regressor import load_parameters
 from robot_dynamics.model_check.html_page import Grade
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
@@ -206,7 +205,7 @@ def _estimated(session: Session, hidden: HiddenArm, kind: str) -> Result:
         raise RuntimeError(
             f'{hidden.name}: {answer.duration:.1f} s estimated, expected {least:.1f} s')
     result = Result(
-        hidden.name, kind, load_parameters(load)[:4], np.array(answer.values[:4]),
+        hidden.name, kind, load.body.toDynamicParameters()[:4], np.array(answer.values[:4]),
         np.array(answer.deviations[:4]),
         np.array([one in ('observable', 'no effect') for one in answer.verdicts[:4]]))
     print(f'{hidden.name} {kind}: {load.mass:.3f} kg, errors {result.errors.round(4).tolist()}, '

@@ -143,63 +143,49 @@ class ActuatorLoad(NamedTuple):
 
 
 def make_actuators(
-    joint_names: Sequence[str],
-    torque_constant: npt.ArrayLike,
-    gear_ratio: npt.ArrayLike,
-    back_emf_constant: npt.ArrayLike = (),
-    resistance: npt.ArrayLike = (),
-    inductance: npt.ArrayLike = (),
-    rotor_inertia: npt.ArrayLike = (),
-    efficiency: npt.ArrayLike = (),
-    current_limit: npt.ArrayLike = (),
-    voltage_limit: npt.ArrayLike = (),
-    current_time_constant: npt.ArrayLike = (),
-    backlash: npt.ArrayLike = (),
-    restitution: npt.ArrayLike = (),
-    reflected_inertia: npt.ArrayLike = (),
+    joint_names: Sequence[str], torque_constant: npt.ArrayLike, gear_ratio: npt.ArrayLike, *,
+    reflected_inertia: npt.ArrayLike = (), **further: npt.ArrayLike,
 ) -> Actuators:
     """
     Return checked actuators; each parameter is (n,), one number for all joints, or empty.
 
-    Empty means: K_e = K_t (equal in SI units), no resistance, inductance or rotor inertia, η = 1,
-    no limits, no backlash, e = 0. `reflected_inertia` N² J_r [kg·m²] or [kg] may replace
-    `rotor_inertia` J_r of a joint. Raises InvalidInputError, naming field, joint and value, for
-    another number of values, N = 0, η outside (0, 1], e outside [0, 1], backlash of a rotor
-    without inertia, both inertias of one rotor, and a value that must not be negative or zero.
-    Values below SMALLEST_DIVISOR count as zero.
+    `further` are other parameters of `Actuators`, by their names. Empty means: K_e = K_t (equal in
+    SI units), no resistance, inductance or rotor inertia, η = 1, no limits, no backlash, e = 0.
+    `reflected_inertia` N² J_r [kg·m²] or [kg] may replace `rotor_inertia` J_r of a joint. Raises
+    InvalidInputError, naming field, joint and value, for an unknown parameter, another number of
+    values, N = 0, η outside (0, 1], e outside [0, 1], backlash of a rotor without inertia, both
+    inertias of one rotor, and a value that must not be negative or zero. Values below
+    SMALLEST_DIVISOR count as zero.
     """
-    n = len(joint_names)
+    n, names = len(joint_names), [field.name for field in fields(Actuators)]
+    given = {'torque_constant': torque_constant, 'gear_ratio': gear_ratio, **further}
+    unknown = sorted(set(given) - set(names))
+    if unknown:
+        raise InvalidInputError(f'actuator.{unknown[0]} is unknown, expected one of {names}')
+    for name in ('torque_constant', 'gear_ratio'):
+        if is_empty(given[name]):
+            raise InvalidInputError(
+                f'actuator.{name} is empty, expected one value for all of {list(joint_names)} or '
+                'one value per joint; only actuator.reflected_inertia needs no motor data')
     nothing, unlimited = np.zeros(n), np.full(n, np.inf)
-
-    def values(field: str, value: npt.ArrayLike, otherwise: FloatArray) -> FloatArray:
-        return per_joint_values(f'actuator.{field}', value, joint_names, otherwise)
-
-    J_r = values('rotor_inertia', rotor_inertia, nothing)
+    otherwise = {
+        'back_emf_constant': per_joint_values(
+            'actuator.torque_constant', torque_constant, joint_names, nothing),
+        'efficiency': np.ones(n), 'current_limit': unlimited, 'voltage_limit': unlimited,
+        'current_time_constant': np.full(n, DEFAULT_CURRENT_TIME_CONSTANT)}
+    values = {name: per_joint_values(
+        f'actuator.{name}', given.get(name, ()), joint_names, otherwise.get(name, nothing))
+        for name in names}
     J = make_reflected_inertia(joint_names, reflected_inertia)
-    for name, of_motor, of_joint in zip(joint_names, J_r, J):
+    for name, of_motor, of_joint in zip(joint_names, values['rotor_inertia'], J):
         if of_motor != 0.0 and of_joint != 0.0:
             raise InvalidInputError(
                 f'actuator.rotor_inertia of {name!r} is {of_motor:g} and '
                 f'actuator.reflected_inertia is {of_joint:g}, expected one of them, the other '
                 '0 or not set')
-    for field, value in (('torque_constant', torque_constant), ('gear_ratio', gear_ratio)):
-        if is_empty(value):
-            raise InvalidInputError(
-                f'actuator.{field} is empty, expected one value for all of {list(joint_names)} or '
-                'one value per joint; only actuator.reflected_inertia needs no motor data')
-    K_t, N = (values(field, value, nothing) for field, value in (
-        ('torque_constant', torque_constant), ('gear_ratio', gear_ratio)))
-    actuators = Actuators(
-        K_t, N,
-        values('back_emf_constant', back_emf_constant, K_t),
-        values('resistance', resistance, nothing), values('inductance', inductance, nothing),
-        J_r + J / np.maximum(N * N, SMALLEST_DIVISOR**2),
-        values('efficiency', efficiency, np.ones(n)),
-        values('current_limit', current_limit, unlimited),
-        values('voltage_limit', voltage_limit, unlimited),
-        values('current_time_constant', current_time_constant,
-               np.full(n, DEFAULT_CURRENT_TIME_CONSTANT)),
-        values('backlash', backlash, nothing), values('restitution', restitution, nothing))
+    N_squared = np.maximum(np.square(values['gear_ratio']), SMALLEST_DIVISOR**2)
+    values['rotor_inertia'] = values['rotor_inertia'] + J / N_squared
+    actuators = Actuators(**values)
     _check(joint_names, actuators)
     return actuators
 

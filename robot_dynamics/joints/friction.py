@@ -12,7 +12,7 @@ holds the joint (`stiction`). The second line is the friction of gears and drive
 identification determines it; τ_load = M a + C v + g − Jᵀ f.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple, TYPE_CHECKING
 
@@ -204,10 +204,11 @@ class JointFriction:
         `direction` (n,) in [-1, 1] is that of dry friction, `gear_direction` that of friction of
         gears and drives.
         """
-        effort = self._joint_effort(v, direction)
+        effort = self._at_joint.effort(v, 0.0, direction)
         if not self.has_gear_terms:
             return effort
-        return effort + (self._gear_size(load) * gear_direction + self.effort_bias)
+        size = self.sigmoid + self.load_coefficient * np.abs(load)
+        return effort + (size * gear_direction + self.effort_bias)
 
     @cached_property
     def tracking_width(self) -> FloatArray:
@@ -222,7 +223,9 @@ class JointFriction:
         left = effort - self._constant
         if self._dry:
             left = left - self.dry(v) * (np.sign(v) if sign is None else sign)
-        return self._behind_smooth(v, left)
+        smooth, per_load = self.smooth(v)
+        left = left - smooth
+        return left if per_load is None else left / (1.0 + per_load * np.sign(left))
 
     def without_dry(
         self, v: FloatArray, effort: FloatArray, direction: FloatArray | None = None,
@@ -236,25 +239,6 @@ class JointFriction:
         load = self.load_behind(v, effort, direction)
         sign = np.sign(v) if direction is None else direction
         return load + self.dry(v) * sign if self._dry else load
-
-    def sliding(
-        self, effort: FloatArray, direction: FloatArray, is_steep: bool,
-    ) -> Callable[[FloatArray], FloatArray]:
-        """
-        Return the load behind a constant effort (n,), as a function of the velocity (..., n).
-
-        Dry friction has the `direction` (n,) of sliding, 0 for joints that do not slide,
-        independent of the sign of the velocity. Without `is_steep` it is that of fast motion, F_c.
-        """
-        base = effort - self._constant
-        if not is_steep:
-            base = base - direction * self.dry(self._rest + np.inf)
-
-        def load(v: FloatArray) -> FloatArray:
-            return self._behind_smooth(
-                v, base - direction * self.dry(v) if is_steep and self._dry else base)
-
-        return load
 
     def damping(self, v: FloatArray, load: FloatArray) -> FloatArray:
         """
@@ -270,21 +254,9 @@ class JointFriction:
 
     @cached_property
     def _at_joint(self) -> 'JointFriction':
+        """This friction without that of gears and drives."""
         return self.replaced(
             sigmoid=self._rest, load_coefficient=self._rest, effort_bias=self._rest)
-
-    def _joint_effort(self, v: FloatArray, sign: FloatArray | None) -> FloatArray:
-        """Return the effort without friction of gears and drives."""
-        return self._at_joint.effort(v, 0.0, sign)
-
-    def _gear_size(self, load: FloatArray | float) -> FloatArray:
-        return np.asarray(self.sigmoid + self.load_coefficient * np.abs(load))
-
-    def _behind_smooth(self, v: FloatArray, effort: FloatArray) -> FloatArray:
-        """Return the load that an effort leaves after smooth friction."""
-        smooth, per_load = self.smooth(v)
-        left = effort - smooth
-        return left if per_load is None else left / (1.0 + per_load * np.sign(left))
 
 
 def _tracking_sign(ratio: FloatArray, offset: FloatArray) -> FloatArray:

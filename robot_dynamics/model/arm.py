@@ -241,8 +241,7 @@ class ArmModel:
         loads = tuple(payload for payload in payloads if payload.mass > 0.0)
         for payload in loads:
             frame = self.link_frame(payload.link, 'payload.header.frame_id')
-            load = pin.Inertia(payload.mass, payload.com, payload.inertia)
-            model.inertias[frame.parentJoint] += frame.placement.act(load)
+            model.inertias[frame.parentJoint] += frame.placement.act(payload.body)
         return replace(self, pinocchio_model=model, payloads=loads)
 
 
@@ -280,7 +279,11 @@ def arm_from_urdf(
     locked = {
         joint.name: float(np.clip(0.0, joint.lower, joint.upper)) for joint in robot.joints
         if joint.moves and joint.mimic is None and joint.name not in index}
-    still = _locked_positions(robot, locked)
+    relations = {
+        joint.name: resolve_mimic(joint, robot.joints) for joint in robot.joints if joint.moves}
+    still = {
+        name: multiplier * locked[leader] + offset
+        for name, (leader, multiplier, offset) in relations.items() if leader in locked}
     model = _without_joints(_build_pinocchio_model(robot), still)
     model.gravity.linear = g
     G, q0 = np.zeros((model.nv, len(actuated))), np.zeros(model.nv)
@@ -293,7 +296,7 @@ def arm_from_urdf(
         if joint.name in still:
             q0[row] = still[joint.name]
             continue
-        leader, multiplier, offset = resolve_mimic(joint, robot.joints)
+        leader, multiplier, offset = relations[joint.name]
         column = index[leader]
         G[row, column], q0[row] = multiplier, offset
         # Friction of a mimic joint acts on its leader, with the same power on both sides.
@@ -305,11 +308,9 @@ def arm_from_urdf(
         name=robot.name,
         joint_names=tuple(index),
         joint_kinds=tuple(joint.kind for joint in actuated),
-        limits=JointLimits(
-            np.array([joint.lower for joint in actuated]),
-            np.array([joint.upper for joint in actuated]),
-            np.array([joint.velocity_limit for joint in actuated]),
-            np.array([joint.effort_limit for joint in actuated])),
+        limits=JointLimits(*(
+            np.array([getattr(joint, name) for joint in actuated])
+            for name in ('lower', 'upper', 'velocity_limit', 'effort_limit'))),
         friction=make_friction(tuple(index), viscous, coulomb),
         mimic_joints=tuple(mimic_joints),
         locked_joints=locked,
@@ -340,17 +341,6 @@ def _actuated_joints(robot: UrdfRobot, names: Sequence[str]) -> tuple[UrdfJoint,
                 f'robot_description: joint {joint.name!r} is {joint.kind} with lower=0 and '
                 'upper=0, expected a range (lower below upper), or type fixed')
     return actuated
-
-
-def _locked_positions(robot: UrdfRobot, locked: dict[str, float]) -> dict[str, float]:
-    """Return the positions of joints that are locked, or that mimic a locked joint."""
-    positions = {}
-    for joint in robot.joints:
-        if joint.moves:
-            leader, multiplier, offset = resolve_mimic(joint, robot.joints)
-            if leader in locked:
-                positions[joint.name] = multiplier * locked[leader] + offset
-    return positions
 
 
 def _without_joints(model: pin.Model, positions: dict[str, float]) -> pin.Model:

@@ -30,7 +30,7 @@ from robot_dynamics.joints.stiction import choose_modes, constrained_motion
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.external_wrench import Wrenches
 from robot_dynamics.model.unchecked_rigid_body import singular_mass_matrix, UncheckedRigidBody
-from robot_dynamics.validation import check_samples, check_scalar, check_states, check_vector
+from robot_dynamics.validation import check_samples, check_states, check_vector
 
 
 class EffortTerms(NamedTuple):
@@ -70,25 +70,12 @@ class UncheckedArmDynamics:
         At rest, any dry friction up to F_s is possible; it is assumed to be 0.
         """
         effort = self.rigid_body.inverse_dynamics(q, v, a, wrenches)
-        return effort if self.is_frictionless else effort + self.friction_effort(v, effort)
+        return effort if self.is_frictionless else effort + self.friction.effort(v, effort)
 
-    def inverse_dynamics_batch(
-        self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int = 1,
-    ) -> FloatArray:
+    def inverse_dynamics_batch(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return the efforts of many states; all arrays are (samples, n)."""
-        effort = self.rigid_body.inverse_dynamics_batch(q, v, a, threads)
-        return effort if self.is_frictionless else effort + self.friction_effort(v, effort)
-
-    def friction_effort(
-        self, v: FloatArray, load: FloatArray, smooth: bool = False,
-    ) -> FloatArray:
-        """
-        Return the friction (..., n) at the velocity v.
-
-        `load` (..., n) is the effort of the rigid bodies. `smooth` replaces the sign of v in dry
-        friction by a sigmoid (`JointFriction.smooth_effort`).
-        """
-        return self.friction.smooth_effort(v, load) if smooth else self.friction.effort(v, load)
+        effort = self.rigid_body.inverse_dynamics_batch(q, v, a)
+        return effort if self.is_frictionless else effort + self.friction.effort(v, effort)
 
     def friction_along(self, q: FloatArray, v: FloatArray, load: FloatArray) -> FloatArray:
         """
@@ -155,7 +142,7 @@ class UncheckedArmDynamics:
             q, v, a, wrenches)
         if friction is None:
             load = inertial + coriolis + gravity + external
-            friction = self.friction_effort(v, load)
+            friction = self.friction.effort(v, load)
         return EffortTerms(
             inertial, coriolis, gravity, friction, external,
             inertial + coriolis + gravity + friction + external, *energies)
@@ -242,10 +229,6 @@ class ArmDynamics:
         """Return U(q) = −Σ m gᵀ c [J] of all mass, measured from the origin of the base frame."""
         return self._body.potential_energy(**self._vectors(q=q))
 
-    def potential_energy_batch(self, q: npt.ArrayLike) -> FloatArray:
-        """Return the potential energy (samples,) [J] of many positions (samples, n)."""
-        return self._body.potential_energy_batch(**self._samples(q=q))
-
     def inverse_dynamics(
         self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike, wrenches: Wrenches = (),
     ) -> FloatArray:
@@ -258,15 +241,10 @@ class ArmDynamics:
         return self.unchecked.inverse_dynamics(**self._vectors(q=q, v=v, a=a), wrenches=wrenches)
 
     def inverse_dynamics_batch(
-        self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike, threads: int = 1,
+        self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike,
     ) -> FloatArray:
-        """
-        Return the efforts of many states; all arrays are (samples, n).
-
-        `threads` >= 1 share the work if Pinocchio was built with OpenMP.
-        """
-        return self.unchecked.inverse_dynamics_batch(
-            **self._samples(q=q, v=v, a=a), threads=int(check_scalar('threads', threads, 1)))
+        """Return the efforts of many states; all arrays are (samples, n)."""
+        return self.unchecked.inverse_dynamics_batch(**self._samples(q=q, v=v, a=a))
 
     def forward_dynamics(
         self, q: npt.ArrayLike, v: npt.ArrayLike, tau: npt.ArrayLike, wrenches: Wrenches = (),
@@ -297,7 +275,9 @@ class ArmDynamics:
         v and `load`, the effort of the rigid bodies M a + C v + g − Jᵀ f, are both (n,) or both
         (samples, n). With `smooth`, dry friction is a sigmoid of the velocity around rest.
         """
-        return self.unchecked.friction_effort(**self._states(v=v, load=load), smooth=smooth)
+        friction = self.arm.friction
+        return (friction.smooth_effort if smooth else friction.effort)(
+            **self._states(v=v, load=load))
 
     def friction_along(
         self, q: npt.ArrayLike, v: npt.ArrayLike, load: npt.ArrayLike,
@@ -392,4 +372,4 @@ def model_terms(
         gravity=gravity,
         friction=dynamics.unchecked.friction_along(q, v, whole),
         kinetic_energy=np.asarray(0.5 * np.einsum('ij,ij->i', v, momentum)),
-        potential_energy=body.potential_energy_batch(q))
+        potential_energy=np.array([body.potential_energy(row) for row in q]))

@@ -121,18 +121,11 @@ class EffortDeviation:
         `load` (n,) is the effort of the rigid bodies with external wrenches, None without
         wrenches. With `smooth`, dry friction has a smooth sign around rest, for measured states.
         """
+        errors = self.errors(
+            q[None], v[None], a[None], None if load is None else load[None], smooth)[0]
         return np.asarray(np.hypot(
-            np.linalg.norm(self.errors_at(q, v, a, load, smooth), axis=1),
+            np.linalg.norm(errors, axis=1),
             self._uncertainty.friction(v, self._dynamics.friction.viscous)))
-
-    def errors_at(
-        self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,
-        smooth: bool = False,
-    ) -> FloatArray:
-        """Return `errors` (n, k) at one state, with the arguments of a call."""
-        load = None if load is None else load[None]
-        X = self.derivatives(q[None], v[None], a[None], load, smooth)[0]
-        return np.asarray(X @ self._uncertainty.root)
 
     def prediction(
         self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,
@@ -140,13 +133,17 @@ class EffortDeviation:
         """Return the deviation (n,) of a measured effort: that of the model and of the noise."""
         return np.hypot(self(q, v, a, load), self._uncertainty.noise_deviation)
 
-    def errors(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+    def errors(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,
+        smooth: bool = False,
+    ) -> FloatArray:
         """
         Return what independent errors of deviation 1 add to the efforts, (m, n, k).
 
-        All arguments are (m, n). The covariance of an effort is the sum of the squares.
+        All arguments are (m, n), as in a call. The covariance of an effort is the sum of the
+        squares.
         """
-        return np.asarray(self.derivatives(q, v, a) @ self._uncertainty.root)
+        return np.asarray(self.derivatives(q, v, a, load, smooth) @ self._uncertainty.root)
 
     def derivatives(
         self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,

@@ -48,7 +48,6 @@ class JointOrder:
         self._mimics = tuple(
             (column[name], arm_index[mimics[name].leader], mimics[name])
             for name in given if name in mimics)
-        self._same = given == arm.joint_names
 
     def position(self, value: npt.ArrayLike, field: str = 'position') -> FloatArray:
         """Return positions (n,) in the arm's order; raise InvalidInputError."""
@@ -84,12 +83,10 @@ class JointOrder:
 
     def answer(self, value: FloatArray) -> FloatArray:
         """Return values (..., n), given in the order of the arm, in the order of `names`."""
-        return value if self._same else np.asarray(value[..., self._to_request])
+        return np.asarray(value[..., self._to_request])
 
     def answer_form(self, value: FloatArray) -> FloatArray:
         """Return an array (n, n) or (n, n, n) over joints with all axes in that order."""
-        if self._same:
-            return value
         return np.asarray(value[np.ix_(*(self._to_request,) * value.ndim)])
 
     def _vector(self, field: str, value: npt.ArrayLike) -> FloatArray:
@@ -99,8 +96,6 @@ class JointOrder:
         return check_samples(field, value, len(self._given), self._given, LARGEST_VALUE)
 
     def _motion(self, given: FloatArray, field: str, with_offset: bool) -> FloatArray:
-        if self._same:
-            return given
         arm_order = given[..., self._to_arm]
         for column, leader, mimic in self._mimics:
             follows = mimic.multiplier * arm_order[..., leader]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.validation import check_scalar, check_tensor, check_vector, LARGEST_VALUE
@@ -28,6 +29,11 @@ class Payload:
     mass: float
     com: FloatArray
     inertia: FloatArray
+
+    @property
+    def body(self) -> pin.Inertia:
+        """The load as a body of Pinocchio."""
+        return pin.Inertia(self.mass, self.com, self.inertia)
 
     def __repr__(self) -> str:
         return f'<Payload of {self.mass:g} kg on {self.link!r}>'
@@ -88,22 +94,11 @@ def describe_change(before: Iterable[Payload], after: Sequence[Payload]) -> str:
 
 def merged(payloads: Iterable[Payload]) -> tuple[Payload, ...]:
     """Return the same loads combined into one body per link, which has the same efforts."""
-    bodies: dict[str, Payload] = {}
+    bodies: dict[str, pin.Inertia] = {}
     for payload in payloads:
-        other = bodies.get(payload.link)
-        bodies[payload.link] = payload if other is None else _together(other, payload)
-    return tuple(bodies.values())
-
-
-def _together(one: Payload, other: Payload) -> Payload:
-    mass = one.mass + other.mass
-    if mass == 0.0:
-        return one
-    com = (one.mass * one.com + other.mass * other.com) / mass
-    # Inertia of the lever between the two centres of mass (parallel axis theorem).
-    d = other.com - one.com
-    about_com = one.mass * other.mass / mass * (d @ d * np.eye(3) - np.outer(d, d))
-    return Payload(one.link, mass, com, one.inertia + other.inertia + about_com)
+        bodies[payload.link] = payload.body + bodies.get(payload.link, pin.Inertia.Zero())
+    return tuple(Payload(link, body.mass, body.lever.copy(), body.inertia.copy())
+                 for link, body in bodies.items())
 
 
 def _check_physical(tensor: FloatArray) -> None:

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 import pinocchio as pin
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
@@ -141,11 +141,10 @@ def _held_masses(arm: ArmModel, payload: Payload) -> tuple[FloatArray, FloatArra
     return lower[is_held], upper[is_held]
 
 
-def _held_count(lower: FloatArray, upper: FloatArray, mass: FloatArray) -> FloatArray:
+def _held_count(lower: FloatArray, upper: FloatArray, mass: FloatArray) -> IntArray:
     """Return the number of poses (m,) in which masses (m,) are held."""
-    return np.asarray(
-        np.searchsorted(np.sort(lower), mass, side='right')
-        - np.searchsorted(np.sort(upper), mass, side='left'), dtype=np.float64)
+    m = mass[:, np.newaxis]
+    return np.asarray(((lower <= m) & (m <= upper)).sum(axis=1))
 
 
 def _travel(arm: ArmModel) -> list[float]:

@@ -20,6 +20,7 @@ coordinate each: Σ (exp 2d_i − 2 d_i − 1) + Σ u_ij².
 """
 
 import numpy as np
+import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 
 COUNT = 10
@@ -35,19 +36,12 @@ _DIAGONAL = np.diag_indices(4)
 
 def pseudo_inertia_matrix(parameters: FloatArray) -> FloatArray:
     """Return P (4, 4) of the parameters φ (10,)."""
-    m, mx, my, mz, xx, xy, yy, xz, yz, zz = parameters
-    half = 0.5 * (xx + yy + zz)
-    return np.array([
-        [half - xx, -xy, -xz, mx], [-xy, half - yy, -yz, my], [-xz, -yz, half - zz, mz],
-        [mx, my, mz, m]])
+    return np.asarray(pin.PseudoInertia.FromDynamicParameters(parameters).toMatrix())
 
 
 def parameters_of(P: FloatArray) -> FloatArray:
-    """Return the parameters φ (..., 10) of pseudo-inertias P (..., 4, 4)."""
-    xx, yy, zz = P[..., 0, 0], P[..., 1, 1], P[..., 2, 2]
-    return np.stack([
-        P[..., 3, 3], P[..., 0, 3], P[..., 1, 3], P[..., 2, 3], yy + zz, -P[..., 0, 1], xx + zz,
-        -P[..., 0, 2], -P[..., 1, 2], xx + yy], axis=-1)
+    """Return the parameters φ (10,) of a pseudo-inertia P (4, 4)."""
+    return np.asarray(pin.PseudoInertia.FromMatrix(P).toDynamicParameters())
 
 
 def is_consistent(parameters: FloatArray) -> bool:

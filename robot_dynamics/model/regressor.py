@@ -14,7 +14,6 @@ import numpy as np
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.pseudo_inertia import COUNT, NAMES
 
 
@@ -38,12 +37,6 @@ def inertial_parameters(arm: ArmModel) -> FloatArray:
     """Return φ (10 × bodies,) of the arm, with its payload."""
     inertias = list(arm.pinocchio_model.inertias)[1:]
     return np.concatenate([inertia.toDynamicParameters() for inertia in inertias])
-
-
-def load_parameters(payload: Payload) -> FloatArray:
-    """Return π (10,) of a payload, in the frame of its link."""
-    inertia = pin.Inertia(payload.mass, payload.com, payload.inertia)
-    return np.asarray(inertia.toDynamicParameters())
 
 
 class TorqueRegressor:

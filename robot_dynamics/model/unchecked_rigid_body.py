@@ -8,7 +8,8 @@ Inputs and units are those of `arm_dynamics`, which checks them. Source: R. Feat
 Body Dynamics Algorithms*, Springer 2008.
 """
 
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -21,17 +22,6 @@ HAS_PARALLEL_RNEA = hasattr(pin, 'rneaInParallel')
 """Whether Pinocchio was built with OpenMP, which is disabled in its build by default."""
 _BATCH = 100
 """Number of samples that are processed in one call."""
-
-
-class RigidBodyTerms(NamedTuple):
-    """The terms of the manipulator equation at one state, each (n,) [N·m] or [N]; energies [J]."""
-
-    inertial: FloatArray
-    coriolis: FloatArray
-    gravity: FloatArray
-    external: FloatArray
-    kinetic_energy: float
-    potential_energy: float
 
 
 class UncheckedRigidBody:
@@ -55,7 +45,6 @@ class UncheckedRigidBody:
         # fixed to the base (docs/evidence/pinocchio_notes.md).
         base = self._model.inertias[0]
         self._base_energy = float(-base.mass * self._model.gravity.linear @ base.lever)
-        self._pool: Any = None
 
     # ------------------------------------------------------------------ efforts
 
@@ -66,17 +55,13 @@ class UncheckedRigidBody:
         x = self._x
         if x.is_identity and not wrenches:
             return np.asarray(pin.rnea(self._model, self._data, q, v, a))
-        q_tree, v_tree, a_tree = x.position(q), x.rate(v), x.rate(a)
-        if not wrenches:
-            return x.effort(pin.rnea(self._model, self._data, q_tree, v_tree, a_tree))
-        forces = self.joint_forces(wrenches)
-        return x.effort(pin.rnea(self._model, self._data, q_tree, v_tree, a_tree, forces))
+        forces = (self.joint_forces(wrenches),) if wrenches else ()
+        return x.effort(pin.rnea(
+            self._model, self._data, x.position(q), x.rate(v), x.rate(a), *forces))
 
     def gravity(self, q: FloatArray) -> FloatArray:
         """Return the gravity-compensation torque g(q)."""
         x = self._x
-        if x.is_identity:
-            return np.asarray(pin.computeGeneralizedGravity(self._model, self._data, q))
         return x.effort(pin.computeGeneralizedGravity(self._model, self._data, x.position(q)))
 
     def nonlinear(self, q: FloatArray, v: FloatArray) -> FloatArray:
@@ -96,27 +81,25 @@ class UncheckedRigidBody:
 
     def terms(
         self, q: FloatArray, v: FloatArray, a: FloatArray, wrenches: Wrenches = (),
-    ) -> RigidBodyTerms:
-        """Return the effort of inverse_dynamics by term; the terms add up to the effort."""
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, float]:
+        """
+        Return M a, C v, g and −Jᵀ f, (n,) each, which add up to the effort, and the energies [J].
+
+        The energies are the kinetic and the potential one.
+        """
         x, data = self._x, self._data
         v_tree = x.rate(v)
         pin.computeAllTerms(self._model, data, x.position(q), v_tree)
         inertial, gravity = data.M @ x.rate(a), data.g.copy()
         # Pinocchio rounds g(q) and N(q, v) differently; at rest there is no Coriolis force.
         coriolis = data.nle - gravity if v.any() else np.zeros_like(gravity)
-        return RigidBodyTerms(
+        return (
             x.effort(inertial), x.effort(coriolis), x.effort(gravity),
             self.external(q, wrenches), 0.5 * float(v_tree @ data.M @ v_tree),
             data.potential_energy + self._base_energy)
 
-    def inverse_dynamics_batch(
-        self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int = 1,
-    ) -> FloatArray:
-        """
-        Return the efforts of many states; all arrays are (samples, n).
-
-        `threads` share the work if Pinocchio was built with OpenMP; otherwise one thread does it.
-        """
+    def inverse_dynamics_batch(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return the efforts of many states; all arrays are (samples, n)."""
         x = self._x
         q_tree, v_tree, a_tree = x.position(q), x.rate(v), x.rate(a)
         tau = np.zeros_like(q_tree)
@@ -125,7 +108,7 @@ class UncheckedRigidBody:
             part = slice(i, i + _BATCH)
             states = q_tree[part], v_tree[part], a_tree[part]
             tau[part] = (
-                self._rnea_in_parallel(*states, threads) if HAS_PARALLEL_RNEA else
+                self._rnea_in_parallel(*states) if HAS_PARALLEL_RNEA else
                 self._rnea_one_by_one(*states))
         return x.effort(tau)
 
@@ -134,15 +117,15 @@ class UncheckedRigidBody:
         zero = np.zeros_like(q)
         return self.inverse_dynamics_batch(q, zero, zero)
 
-    def _rnea_in_parallel(
-        self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int,
-    ) -> FloatArray:
-        if self._pool is None or self._pool.size() < threads:
-            self._pool = pin.ModelPool(self._model, threads)
+    @cached_property
+    def _pool(self) -> Any:
+        return pin.ModelPool(self._model, 1)
+
+    def _rnea_in_parallel(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         # Pinocchio expects one sample per column, and returns a flat array for one joint or one
         # sample.
         columns = (np.asfortranarray(rows.T) for rows in (q, v, a))
-        tau = pin.rneaInParallel(threads, self._pool, *columns)
+        tau = pin.rneaInParallel(1, self._pool, *columns)
         return np.asarray(tau.reshape(q.shape[::-1]).T)
 
     def _rnea_one_by_one(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
@@ -166,27 +149,10 @@ class UncheckedRigidBody:
         """
         Return c_ijk = ½ (∂M_ij/∂q_k + ∂M_ik/∂q_j − ∂M_jk/∂q_i), (n, n, n).
 
-        Row i of the equation of motion has Σ_jk c_ijk v_j v_k, a quadratic form in v; its
-        symmetric coefficients follow exactly from the values at e_j and e_j + e_k.
+        C is linear in v, C_ij(q, v) = Σ_k c_ijk v_k: the symbols are its values at unit vectors.
         """
-        n = self._model.nv
-        q_tree, zero = self._x.position(q), self._zero
-
-        def quadratic(v: FloatArray) -> FloatArray:
-            return np.asarray(pin.rnea(self._weightless, self._data, q_tree, v, zero))
-
-        e = np.eye(n)
-        square = [quadratic(e[j]) for j in range(n)]
-        c = np.empty((n, n, n))
-        for j in range(n):
-            c[:, j, j] = square[j]
-            for k in range(j):
-                c[:, j, k] = 0.5 * (quadratic(e[j] + e[k]) - square[j] - square[k])
-                c[:, k, j] = c[:, j, k]
-        if self._x.is_identity:
-            return c
-        G = self._x.G
-        return np.asarray(np.einsum('abc,ai,bj,ck->ijk', c, G, G, G, optimize=True))
+        return np.stack(
+            [self.coriolis_matrix(q, e_k) for e_k in np.eye(self.arm.joint_count)], axis=-1)
 
     # ------------------------------------------------------------------ motion and energy
 
@@ -208,15 +174,10 @@ class UncheckedRigidBody:
     ) -> FloatArray:
         """Return the same acceleration unchecked: it is not finite if M(q) is singular."""
         x = self._x
-        if x.is_identity and not wrenches:
-            a: FloatArray = pin.aba(self._model, self._data, q, v, tau)
-            return a
-        if x.is_identity or x.is_permutation:
-            # a permutation orders efforts like rates
-            arguments = (self._model, self._data, x.position(q), x.rate(v), x.rate(tau))
-            return np.asarray(x.effort(
-                pin.aba(*arguments, self.joint_forces(wrenches)) if wrenches else
-                pin.aba(*arguments)))
+        if x.is_permutation:  # it orders efforts like rates
+            forces = (self.joint_forces(wrenches),) if wrenches else ()
+            return x.effort(pin.aba(
+                self._model, self._data, x.position(q), x.rate(v), x.rate(tau), *forces))
         rest = tau - self.nonlinear(q, v) - self.external(q, wrenches)
         try:
             return np.asarray(np.linalg.solve(self.mass_matrix(q), rest), dtype=np.float64)
@@ -234,12 +195,6 @@ class UncheckedRigidBody:
         """Return −Σ m gᵀ c [J] of all mass, from the origin of the base frame."""
         return self._base_energy + float(
             pin.computePotentialEnergy(self._model, self._data, self._x.position(q)))
-
-    def potential_energy_batch(self, q: FloatArray) -> FloatArray:
-        """Return the potential energy (samples,) [J] of many positions (samples, n)."""
-        model, data, compute = self._model, self._data, pin.computePotentialEnergy
-        moving = np.array([compute(model, data, row) for row in self._x.position(q)])
-        return np.asarray(moving + self._base_energy)
 
     def joint_forces(self, wrenches: Wrenches) -> pin.StdVec_Force:
         """Return the sum of the wrenches on each joint's bodies, in that joint's frame."""

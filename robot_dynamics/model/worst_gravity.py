@@ -7,9 +7,8 @@ The largest gravity effort of each joint in the workspace.
 As a function of a single position q_j, g_i(q) is a + b cos q_j + c sin q_j if joint j turns, and
 a + b q_j if it slides (the potential energy is a sum of products of such functions). Three values
 therefore give its exact maximum along q_j. The search iterates over the coordinates, from several
-starts, until there is no increase; after each round it also continues in the direction of the
-round (R. Hooke and T. A. Jeeves, *Direct search*, Journal of the ACM 8, 1961: the pattern move).
-If mimic joints follow a coordinate, this form is not valid, and steps of many sizes are tried.
+starts, until there is no increase. If mimic joints follow a coordinate, this form is an
+approximation; each position is only used if its effort is larger.
 """
 
 from typing import NamedTuple
@@ -22,10 +21,6 @@ from robot_dynamics.model.arm_dynamics import RigidBody
 UNLIMITED_TRAVEL = 1.0
 """Assumed range [m] of a prismatic joint without a limit, in each direction."""
 _CONVERGED = 1e-9
-_STEPS = 2.0 ** -np.arange(1, 13)
-"""Steps in each direction, as fractions of the range, if there is no formula of the maximum."""
-_LEAPS = np.array([1.0, 3.0, 9.0, 27.0])
-"""Steps in the direction of the last round, in units of its length."""
 
 
 class Search(NamedTuple):
@@ -93,9 +88,7 @@ class _Ascent:
         self._arm, self._search = arm, search
         self._body = RigidBody(arm)
         self._low, self._high = search_box(arm)
-        G = arm.coordinates.G
         self._slides = np.array([kind == 'prismatic' for kind in arm.joint_kinds])
-        self._exact = (np.count_nonzero(G, axis=0) == 1) & (np.abs(G).sum(axis=0) == 1.0)
         self._related = _related(arm)
 
     def climb(self) -> WorstGravity:
@@ -108,10 +101,9 @@ class _Ascent:
         self._value = self._own_gravity(self._q, self._joint)
         growing = np.ones(len(self._q), dtype=bool)
         for _ in range(self._search.rounds):
-            before, q_before = np.abs(self._value), self._q.copy()
+            before = np.abs(self._value)
             for j in range(n):
                 self._along(j, np.flatnonzero(growing & self._related[self._joint, j]))
-            self._onwards(q_before, np.flatnonzero(growing))
             growing = np.abs(self._value) - before > _CONVERGED * (1.0 + before)
             if not growing.any():
                 break
@@ -125,19 +117,9 @@ class _Ascent:
         if not rows.size or self._low[j] == self._high[j]:
             return
         candidates = self._candidates(j, rows)
-        q = np.repeat(self._q[rows][:, None], candidates.shape[1], axis=1)
+        count = candidates.shape[1]
+        q = np.repeat(self._q[rows][:, None], count, axis=1)
         q[:, :, j] = candidates
-        self._take_best(rows, q)
-
-    def _onwards(self, q_before: FloatArray, rows: IntArray) -> None:
-        """Move these climbers further in the direction of their last round."""
-        way = (self._q - q_before)[rows]
-        q = self._q[rows][:, None] + _LEAPS[:, None] * way[:, None]
-        self._take_best(rows, np.clip(q, self._low, self._high))
-
-    def _take_best(self, rows: IntArray, q: FloatArray) -> None:
-        """Move climbers to the best of their candidates (rows, candidates, n), if better."""
-        count = q.shape[1]
         value = self._own_gravity(
             q.reshape(-1, q.shape[2]), np.repeat(self._joint[rows], count)).reshape(-1, count)
         best = np.abs(value).argmax(axis=1)
@@ -149,9 +131,6 @@ class _Ascent:
     def _candidates(self, j: int, rows: IntArray) -> FloatArray:
         """Return candidates of the largest |g_i| along q_j, one row per climber."""
         low, high = self._low[j], self._high[j]
-        if not self._exact[j]:
-            steps = (high - low) * np.concatenate([_STEPS, -_STEPS])
-            return np.asarray(np.clip(self._q[rows, j][:, None] + steps, low, high))
         ends = np.tile([low, high], (rows.size, 1))
         if self._slides[j]:
             return ends

@@ -17,7 +17,6 @@ Pfeiffer and C. Glocker, *Multibody Dynamics with Unilateral Contacts*, Wiley 19
 and 8; on gears: M. Nordin and P.-O. Gutman, Automatica 38, 2002, sections 2 and 3.
 """
 
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -42,8 +41,7 @@ class ImpactResult(NamedTuple):
     heat: float
 
 
-@dataclass(frozen=True, eq=False)
-class Backlash:
+class Backlash(NamedTuple):
     """
     The backlash of n joints, each (n,), on the joint side.
 
@@ -54,7 +52,7 @@ class Backlash:
     half_gap: FloatArray
     restitution: FloatArray
     inertia: FloatArray
-    exists: BoolArray = field(init=False)
+    exists: BoolArray
     """Which joints have backlash."""
 
     @staticmethod
@@ -63,10 +61,8 @@ class Backlash:
         if actuators is None or not actuators.backlash.any():
             return None
         return Backlash(
-            0.5 * actuators.backlash, actuators.restitution, actuators.reflected_inertia)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, 'exists', np.asarray(self.half_gap > 0.0))
+            0.5 * actuators.backlash, actuators.restitution, actuators.reflected_inertia,
+            actuators.backlash > 0.0)
 
     def resting_side(self, q: FloatArray, effort: FloatArray) -> FloatArray:
         """Return θ (n,) of motors with an effort (n,): in contact in the direction of effort."""

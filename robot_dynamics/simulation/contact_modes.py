@@ -45,8 +45,6 @@ class ContactModeSolver:
         self._dry_limit, self._smooth_limit = friction.steep_below
         self.can_be_steep = bool(self._dry_limit.any() or self._smooth_limit.any())
         """Whether friction of some joint changes fast with speed, at some speed."""
-        self.free = GearModes(Modes(self._nowhere, self._none), self._nowhere, self._none, False)
-        """Without dry friction and backlash."""
 
     def choose(self, state: MotionState) -> tuple[GearModes, FloatArray]:
         """Return the modes of the motion from a state, and the joint acceleration (n,)."""
@@ -106,7 +104,7 @@ class ContactModeSolver:
     ) -> Modes:
         v = state.v
         if not self._forces.friction.is_dry:
-            return self.free.joints
+            return Modes(slides, self._none)
         if v.all() or v[self._has_dry_friction].all():
             return Modes(np.where(self._has_dry_friction, np.sign(v), slides), self._none)
         forces = self._forces

@@ -26,7 +26,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.simulation.contact_modes import ContactModeSolver
-from robot_dynamics.simulation.events import EventFinder, StepEnd
+from robot_dynamics.simulation.events import first_event, StepEnd
 from robot_dynamics.simulation.exponential_step import damping_rate, exponential_step
 from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
 from robot_dynamics.simulation.runge_kutta import (
@@ -70,7 +70,7 @@ class MotionIntegrator:
 
     def __init__(self, dynamics: UncheckedArmDynamics, forces: JointForces) -> None:
         self._forces = forces
-        self._modes, self._events = ContactModeSolver(forces), EventFinder(forces)
+        self._modes = ContactModeSolver(forces)
         self._damping_bound = _bound_of_damping_rate(dynamics)
 
     def step(self, state: MotionState, h: float) -> StepResult:
@@ -87,11 +87,6 @@ class MotionIntegrator:
 
     def _through_events(self, state: MotionState, h: float) -> StepResult:
         forces = self._forces
-        if forces.backlash is None and not forces.friction.is_dry:
-            free = self._modes.free
-            end = self._advance(state, h, free._replace(
-                is_steep=self._modes.is_steep(free.joints, state.v, state.v)), None)
-            return StepResult(end.state, end.heat)
         heat, had_impact, a, event_count = 0.0, False, None, 0
         while event_count < _MAX_EVENTS:
             if forces.backlash is not None:
@@ -103,10 +98,10 @@ class MotionIntegrator:
                 return StepResult(state, heat, had_impact)
             piece = self._undisturbed(state, h, modes)
             end = self._advance(state, piece, modes, a)
-            event = self._events.first(
-                state, piece, modes, a, end, partial(self._advance, state, modes=modes, a=a))
-            passed, end = event if event is not None else (piece, end)
-            event_count += event is not None
+            passed, end = first_event(
+                forces, state, piece, modes, a, end,
+                partial(self._advance, state, modes=modes, a=a))
+            event_count += passed < piece
             state, heat, a, h = end.state, heat + end.heat, end.a, h - passed
             if h <= 0.0:
                 return StepResult(state, heat, had_impact)

@@ -9,7 +9,7 @@ they slide are springs (`bristles`). Motors in the gap of their gears do not act
 and their rotors do not move with the joints.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -102,7 +102,7 @@ class JointForces:
 
     def friction_with(self, opened: BoolArray) -> JointFriction:
         """Return the friction, without its load-dependent part for separated motors."""
-        if not (opened & (self.friction.load_coefficient > 0.0)).any():
+        if self.backlash is None or not (opened & (self.friction.load_coefficient > 0.0)).any():
             return self.friction
         key = opened.tobytes()
         if key not in self._frictions:
@@ -127,30 +127,24 @@ class JointForces:
         effort = effort - self.body.nonlinear(q, v)
         return effort - self.body.external(q, self.wrenches) if self.wrenches else effort
 
-    def after_friction(
-        self, modes: GearModes,
-    ) -> Callable[[FloatArray, FloatArray], FloatArray]:
-        """Return the efforts at the joints after friction, (..., n), by q and v."""
+    def after_friction(self, q: FloatArray, v: FloatArray, modes: GearModes) -> FloatArray:
+        """Return the efforts at the joints after friction, (..., n), at q and v."""
         tau = self.tau if self.backlash is None else np.where(modes.open, 0.0, self.tau)
-        friction, springs = self.friction_with(modes.open), modes.springs
-        direction, is_steep = modes.joints.direction, modes.is_steep
-        if springs is not None:
-            return lambda q, v: friction.sliding(
-                tau - springs.force(q, v), direction, is_steep)(v)
-        sliding = friction.sliding(tau, direction, is_steep)
-        return lambda q, v: sliding(v)
+        if modes.springs is not None:
+            tau = tau - modes.springs.force(q, v)
+        return self.friction_with(modes.open).load_behind(v, tau, modes.joints.direction)
 
     def damping(self, q: FloatArray, v: FloatArray, modes: GearModes) -> FloatArray:
         """Return the viscous friction (n,) that equals all smooth friction at v."""
         damping = self.friction.viscous
         if not self.friction.is_linear:
             damping = self.friction_with(modes.open).damping(
-                v, self.after_friction(modes)(q, v))
+                v, self.after_friction(q, v, modes))
         return damping if modes.springs is None else damping + modes.springs.damping_at(v)
 
     def dry_friction(self, q: FloatArray, v: FloatArray, modes: GearModes) -> FloatArray:
         """Return the friction (..., n) at q and v that is not stored in springs."""
-        friction = np.where(modes.open, 0.0, self.tau) - self.after_friction(modes)(q, v)
+        friction = np.where(modes.open, 0.0, self.tau) - self.after_friction(q, v, modes)
         if modes.springs is None:
             return friction
         return friction - np.where(
@@ -159,12 +153,12 @@ class JointForces:
     def acceleration(self, modes: GearModes) -> Acceleration:
         """Return the joint acceleration (n,) in these modes as a function of q and v."""
         body, wrenches, stuck = self.body_with(modes.open), self.wrenches, modes.joints.stuck
-        remaining = self.after_friction(modes)
         if not stuck.any():
-            return lambda q, v: body.acceleration(q, v, remaining(q, v), wrenches)
+            return lambda q, v: body.acceleration(
+                q, v, self.after_friction(q, v, modes), wrenches)
 
         def acceleration(q: FloatArray, v: FloatArray) -> FloatArray:
-            effort = remaining(q, v) - body.nonlinear(q, v)
+            effort = self.after_friction(q, v, modes) - body.nonlinear(q, v)
             if wrenches:
                 effort = effort - body.external(q, wrenches)
             return constrained_motion(body.mass_matrix(q), effort, stuck).acceleration

@@ -27,15 +27,11 @@ class InnerController:
     def __init__(self, arm: ArmModel, convention: EffortConvention) -> None:
         self.convention = convention
         self.drive = arm.drive
+        self.idle_effort = arm.given_drive.offset
+        """The commanded effort (n,) at which the drives deliver no torque."""
         gravity = convention.robot_gravity
         self._dynamics = UncheckedArmDynamics(
             arm if gravity is None else arm.with_gravity(gravity))
-
-    @property
-    def idle_effort(self) -> FloatArray:
-        """Return the commanded effort (n,) at which the drives deliver no torque."""
-        return np.zeros(self._dynamics.arm.joint_count) if self.drive is None else (
-            self.drive.offset)
 
     def set_gravity(self, gravity: FloatArray) -> None:
         """Use another gravity (3,) [m/s²], unless the robot assumes another one."""
@@ -50,7 +46,7 @@ class InnerController:
             effort = effort + self._dynamics.rigid_body.gravity(q)
         if self.convention.compensates_friction:
             # smooth around rest, where the sign of a measured velocity would chatter
-            effort = effort + self._dynamics.friction_effort(v, effort, smooth=True)
+            effort = effort + self._dynamics.friction.smooth_effort(v, effort)
         return effort if self.drive is None else self.drive.torque(effort)
 
     def measured(
@@ -118,27 +114,6 @@ class Simulation(Protocol):
         """Let time pass with engaged brakes."""
 
 
-class Drives(Protocol):
-    """The drives of a robot: an `InnerController`, or drives with its interface."""
-
-    @property
-    def idle_effort(self) -> FloatArray:
-        """Return the commanded effort (n,) at which the drives deliver no torque."""
-
-    def set_gravity(self, gravity: FloatArray) -> None:
-        """Use another gravity (3,) [m/s²]."""
-
-    def with_own_compensation(
-        self, effort: FloatArray, q: FloatArray, v: FloatArray,
-    ) -> FloatArray:
-        """Return the torque at the joints for a commanded effort at the state (q, v)."""
-
-    def measured(
-        self, effort: FloatArray, q: FloatArray, v: FloatArray, braked: bool,
-    ) -> FloatArray:
-        """Return the effort that the robot reports."""
-
-
 class SimulatedRobot:
     """
     The simulated robot with the efforts and wrenches on it. Not for two threads at a time.
@@ -147,7 +122,7 @@ class SimulatedRobot:
     """
 
     def __init__(
-        self, simulation: Simulation, robot: Drives, brakes: bool,
+        self, simulation: Simulation, robot: InnerController, brakes: bool,
         noise: np.random.Generator,
     ) -> None:
         """Start with engaged brakes, or without brakes; initially without a timeout."""
@@ -199,22 +174,17 @@ class SimulatedRobot:
         Return the joint that exceeds its limit most, None if no joint exceeds it. With a
         `drive_loop`, take its command (3, n): position, velocity and effort.
         """
-        joint, self.effort = self._clip(effort) if self.drive_loop is None else (None, effort)
+        joint = None
+        if self.drive_loop is None and self.effort_limit is not None:
+            excess = np.abs(effort) - self.effort_limit
+            if (excess > 0.0).any():
+                self.clipped_count, joint = self.clipped_count + 1, int(np.argmax(excess))
+                effort = np.clip(effort, -self.effort_limit, self.effort_limit)
+        self.effort = effort
         self.commands.receive()
         self.timed_out = False
         self.simulation.release()
         return joint
-
-    def _clip(self, effort: FloatArray) -> tuple[int | None, FloatArray]:
-        limit = self.effort_limit
-        if limit is None:
-            return None, effort
-        excess = np.abs(effort) - limit
-        joint = int(np.argmax(excess))
-        if not excess[joint] > 0.0:
-            return None, effort
-        self.clipped_count += 1
-        return joint, np.clip(effort, -limit, limit)
 
     def watch_commands(self, passed: float, period: float) -> bool:
         """
@@ -250,12 +220,8 @@ class SimulatedRobot:
         """Return the present values of the sensors."""
         simulation = self.simulation
         q, v = simulation.motor_state if self.encoders_at_motor else simulation.state
-        n = len(q)
         effort = self._robot.measured(simulation.effort, q, v, simulation.braked)
-        if self.position_noise > 0.0:
-            q = q + self.position_noise * self._noise.standard_normal(n)
-        if self.velocity_noise > 0.0:
-            v = v + self.velocity_noise * self._noise.standard_normal(n)
-        if self.effort_noise > 0.0:
-            effort = effort + self.effort_noise * self._noise.standard_normal(len(effort))
-        return Measured(q, v, effort, simulation.motor_state)
+        exact = (q, self.position_noise), (v, self.velocity_noise), (effort, self.effort_noise)
+        noisy = (x + deviation * self._noise.standard_normal(len(x)) if deviation > 0.0 else x
+                 for x, deviation in exact)
+        return Measured(*noisy, simulation.motor_state)

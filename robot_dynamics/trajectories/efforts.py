@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
@@ -81,7 +82,8 @@ class _Search:
         """Compare samples (m, n) at times (m,) with the limits; return their largest ratios."""
         if efforts is None:
             efforts = self._dynamics.inverse_dynamics_batch(*motion)
-        by_limit = self._limit_ratios(efforts, motion)
+        by_limit = limit_ratios(
+            self._dynamics.arm, efforts, motion.velocity, motion.acceleration)
         ratios = np.array(list(by_limit.values()))
         limit, i, joint = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
         if ratios[limit, i, joint] > self.ratio:
@@ -89,14 +91,16 @@ class _Search:
             self.time, self.limit = float(times[i]), list(by_limit)[limit]
         return np.asarray(ratios.max(axis=(0, 2)))
 
-    def _limit_ratios(self, efforts: FloatArray, motion: Reference) -> dict[str, FloatArray]:
-        """Return |value| / limit, (m, n), of all limited values."""
-        arm = self._dynamics.arm
-        by_limit: dict[str, FloatArray] = {'effort': np.abs(efforts) / arm.limits.effort}
-        if arm.actuators is not None:
-            load = arm.actuators.load(efforts, motion.velocity, motion.acceleration)
-            by_limit.update(current=load.current_ratio, voltage=load.voltage_ratio)
-        return by_limit
+
+def limit_ratios(
+    arm: ArmModel, efforts: FloatArray, v: FloatArray, a: FloatArray,
+) -> dict[str, FloatArray]:
+    """Return |value| / limit, (..., n), of efforts and, with motors, currents and voltages."""
+    by_limit: dict[str, FloatArray] = {'effort': np.abs(efforts) / arm.limits.effort}
+    if arm.actuators is not None:
+        load = arm.actuators.load(efforts, v, a)
+        by_limit.update(current=load.current_ratio, voltage=load.voltage_ratio)
+    return by_limit
 
 
 def _search_segments(search: _Search, segments: TrajectorySegments) -> None:

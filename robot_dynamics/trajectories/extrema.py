@@ -6,9 +6,9 @@ Exact extrema of many polynomials on [0, 1], such as the motions on the segments
 
 A function is monotone between two neighbouring extrema and has at most one root there, and the
 roots of a derivative are the extrema of the next lower derivative. The search begins with the
-quadratic derivative, and bisects the lower derivatives one after the other between the roots of
-the derivative above. Polynomials of lower degree are no special cases, because the leading
-coefficient of none of them has to be nonzero.
+linear derivative, and bisects the derivatives one after the other between the roots of the
+derivative above. Polynomials of lower degree are no special cases, because the leading coefficient
+of none of them has to be nonzero.
 """
 
 from typing import NamedTuple
@@ -40,9 +40,9 @@ def extrema(coefficients: FloatArray) -> Extrema:
     scale = np.where(largest > 0.0, largest, 1.0)
     unit = coefficients / scale[..., np.newaxis, :]
     derivatives = [derivative(unit)]
-    while derivatives[-1].shape[-2] > 3:
+    while derivatives[-1].shape[-2] > 2:
         derivatives.append(derivative(derivatives[-1]))
-    phases = _with_ends(_quadratic_roots(derivatives.pop()))
+    phases = _with_ends(largest[np.newaxis][:0])
     for one in reversed(derivatives):
         phases = _with_ends(_roots(one, phases))
     values = _evaluate(unit, phases)
@@ -62,22 +62,6 @@ def derivative(coefficients: FloatArray) -> FloatArray:
 def _with_ends(phases: FloatArray) -> FloatArray:
     ends = np.zeros_like(phases, shape=(1, *phases.shape[1:]))
     return np.concatenate((ends, phases, ends + 1.0))
-
-
-def _quadratic_roots(c: FloatArray) -> FloatArray:
-    """
-    Return the roots (2, ..., n) of the polynomials c (..., up to 3, n), clipped to [0, 1].
-
-    If there are fewer roots, the other values are any phases in [0, 1].
-    """
-    c0, c1, c2 = np.zeros_like(c, shape=(3, *c.shape[:-2], c.shape[-1]))
-    for row, given in zip((c0, c1, c2), np.moveaxis(c, -2, 0)):
-        row[...] = given
-    # Both terms of the sum have the same sign, so that nothing cancels.
-    x = -0.5 * (c1 + np.copysign(np.sqrt(np.maximum(c1 * c1 - 4.0 * c0 * c2, 0.0)), c1))
-    with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
-        roots = np.stack((x / c2, c0 / x))
-    return np.sort(np.clip(np.nan_to_num(roots), 0.0, 1.0), axis=0)
 
 
 def _roots(c: FloatArray, nodes: FloatArray) -> FloatArray:

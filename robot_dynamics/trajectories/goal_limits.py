@@ -8,9 +8,7 @@ A goal is checked at its points, which the sender has chosen. A trajectory in a 
 also checked between the points, where the interpolation may exceed a limit.
 """
 
-from collections.abc import Iterator
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
@@ -18,6 +16,7 @@ from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel, JointLimits
 from robot_dynamics.trajectories.extrema import extrema
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
+from robot_dynamics.trajectories.limit_warnings import lines_outside
 from robot_dynamics.trajectories.segments import TrajectorySegments
 
 POSITION_TOLERANCE = 0.0087
@@ -32,22 +31,6 @@ _REMEDY = {
     'positions': "'clip' clips positions", 'velocities': "'slow_down' lowers velocities"}
 
 
-class _Field(NamedTuple):
-    """Values of all points (m, n) and their limits (n,), widened by the tolerance of each row."""
-
-    name: str
-    values: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-    tolerance: FloatArray
-
-    @property
-    def excess(self) -> FloatArray:
-        """Distance of each value beyond its limits, (m, n); at most 0 for values within."""
-        outside = np.maximum(self.lower - self.values, self.values - self.upper)
-        return np.asarray(outside - self.tolerance)
-
-
 def check_points(
     arm: ArmModel, trajectory: JointTrajectory, has_velocities: bool = True,
 ) -> None:
@@ -56,16 +39,26 @@ def check_points(
 
     The message names point, joint, value and limit of the first such value, and their number.
     """
-    fields = list(_point_fields(arm.limits, trajectory))[:2 if has_velocities else 1]
-    outside = [field.excess > 0.0 for field in fields]
+    points, limits = trajectory.points, arm.limits
+    q: FloatArray = np.array([point.position for point in points])
+    v: FloatArray = np.array([
+        np.zeros_like(point.position) if point.velocity is None else point.velocity
+        for point in points])
+    tolerance = np.full((len(points), 1), _TOLERANCE)
+    if not trajectory.is_set_point:
+        tolerance[0] = POSITION_TOLERANCE
+    fields = [('positions', q, limits.lower, limits.upper, tolerance),
+              ('velocities', v, -limits.velocity, limits.velocity, _TOLERANCE * limits.velocity)]
+    outside = [np.maximum(lower - values, values - upper) > slack
+               for _, values, lower, upper, slack in fields[:2 if has_velocities else 1]]
     count = sum(int(one.sum()) for one in outside)
-    for field, is_outside in zip(fields, outside):
+    for (field, values, lower, upper, _), is_outside in zip(fields, outside):
         for i, j in np.argwhere(is_outside)[:1]:
             others = f'; {count} values are beyond a limit' if count > 1 else ''
             raise TrajectoryError(
-                f'points[{i}].{field.name} ({arm.joint_names[j]}) is {field.values[i, j]:.6g}, '
-                f'expected a value within its limits [{field.lower[j]:.6g}, '
-                f'{field.upper[j]:.6g}]{others} (infeasible_trajectory: {_REMEDY[field.name]})')
+                f'points[{i}].{field} ({arm.joint_names[j]}) is {values[i, j]:.6g}, expected a '
+                f'value within its limits [{lower[j]:.6g}, {upper[j]:.6g}]{others} '
+                f'(infeasible_trajectory: {_REMEDY[field]})')
 
 
 def with_clipped_positions(arm: ArmModel, trajectory: JointTrajectory) -> JointTrajectory:
@@ -95,9 +88,11 @@ def motion_excesses(arm: ArmModel, trajectory: JointTrajectory) -> list[str]:
         segments, segments.points.position, segments.coefficients)
     v, v_times = _points_and_extrema(
         segments, segments.points.velocity, segments.velocity_coefficients)
-    position = _Field('position', q, limits.lower, limits.upper, np.full((1, 1), _TOLERANCE))
-    return [*_worst_lines(position, arm.joint_names, q_times),
-            *_worst_lines(_velocity_field('velocity', v, limits), arm.joint_names, v_times)]
+    return [
+        *lines_outside('position', arm.joint_names, q, limits.lower, limits.upper, _TOLERANCE,
+                       q_times),
+        *lines_outside('velocity', arm.joint_names, v, -limits.velocity, limits.velocity,
+                       _TOLERANCE * limits.velocity, v_times)]
 
 
 def _points_and_extrema(
@@ -108,34 +103,6 @@ def _points_and_extrema(
     times = segments.time(np.arange(segments.count)[:, np.newaxis], phases)
     point_times = np.broadcast_to(segments.times[:, np.newaxis], at_points.shape)
     return np.concatenate((at_points, *values)), np.concatenate((point_times, *times))
-
-
-def _worst_lines(field: _Field, names: tuple[str, ...], times: FloatArray) -> Iterator[str]:
-    excess = field.excess
-    for j in np.flatnonzero((excess > 0.0).any(axis=0)):
-        i = int(excess[:, j].argmax())
-        yield (
-            f'{field.name} of {names[j]!r} is {field.values[i, j]:.6g} at {times[i, j]:.6g} s, '
-            f'outside its limits [{field.lower[j]:.6g}, {field.upper[j]:.6g}]')
-
-
-def _point_fields(limits: JointLimits, trajectory: JointTrajectory) -> Iterator[_Field]:
-    points = trajectory.points
-    q: FloatArray = np.array([point.position for point in points])
-    tolerance = np.full((len(points), 1), _TOLERANCE)
-    if not trajectory.is_set_point:
-        tolerance[0] = POSITION_TOLERANCE
-    yield _Field('positions', q, limits.lower, limits.upper, tolerance)
-    v: FloatArray = np.array([
-        np.zeros_like(point.position) if point.velocity is None else point.velocity
-        for point in points])
-    yield _velocity_field('velocities', v, limits)
-
-
-def _velocity_field(name: str, v: FloatArray, limits: JointLimits) -> _Field:
-    limit = limits.velocity
-    tolerance = np.where(np.isfinite(limit), _TOLERANCE * limit, 0.0)
-    return _Field(name, v, -limit, limit, tolerance)
 
 
 def _clipped_position(point: TrajectoryPoint, limits: JointLimits) -> TrajectoryPoint:

@@ -22,9 +22,9 @@ def limit_warnings(
     """
     limits = arm.limits
     return [
-        *_outside('position', arm.joint_names, q, limits.lower, limits.upper),
-        *_outside('velocity', arm.joint_names, v, -limits.velocity, limits.velocity),
-        *([] if effort is None else _outside(
+        *lines_outside('position', arm.joint_names, q, limits.lower, limits.upper),
+        *lines_outside('velocity', arm.joint_names, v, -limits.velocity, limits.velocity),
+        *([] if effort is None else lines_outside(
             'effort', arm.joint_names, effort, -limits.effort, limits.effort)),
     ]
 
@@ -50,18 +50,27 @@ def worst_in_words(result: TrajectoryEfforts) -> str:
         f'times its limit at {result.worst_time:g} s, the worst case')
 
 
-def _outside(
+def lines_outside(
     field: str, names: Sequence[str], values: FloatArray, lower: FloatArray, upper: FloatArray,
+    tolerance: FloatArray | float = 0.0, times: FloatArray | None = None,
 ) -> list[str]:
+    """
+    Return such lines for values (n,), or (samples, n) with `times` [s] or the numbers of samples.
+
+    The limits (n,) are widened by the `tolerance` (n,).
+    """
+    excess = np.maximum(lower - values, values - upper) - tolerance
     return [
         f'{field} of {names[j]!r} is {values[index]:.6g}{sample}, outside its limits '
-        f'[{lower[j]:.6g}, {upper[j]:.6g}]'
-        for j, index, sample in _worst(np.maximum(lower - values, values - upper))]
+        f'[{lower[j]:.6g}, {upper[j]:.6g}]' for j, index, sample in _worst(excess, times)]
 
 
-def _worst(excess: FloatArray) -> Iterator[tuple[int, tuple[int, ...], str]]:
+def _worst(
+    excess: FloatArray, times: FloatArray | None = None,
+) -> Iterator[tuple[int, tuple[int, ...], str]]:
     """Yield each joint with an excess above 0, the index of the largest one, and its sample."""
     rows = np.atleast_2d(excess)
     for j in np.flatnonzero((rows > 0.0).any(axis=0)).tolist():
         i = int(rows[:, j].argmax())
-        yield (j, (j,), '') if excess.ndim == 1 else (j, (i, j), f' in sample {i}')
+        sample = f' in sample {i}' if times is None else f' at {times[i, j]:.6g} s'
+        yield (j, (j,), '') if excess.ndim == 1 else (j, (i, j), sample)

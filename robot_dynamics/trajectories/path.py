@@ -94,11 +94,9 @@ def _without_rounding(c: FloatArray) -> FloatArray:
     return c
 
 
-def piece_directions(c: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _piece_directions(c: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the unit directions (k, n) of pieces (k, 6, n) just inside of both ends."""
-    rows = np.arange(len(c))
-    ends = [Path(c, np.empty(0, dtype=np.bool_)).sample(rows, np.full(len(c), phase))[1]
-            for phase in (1e-4, 1.0 - 1e-4)]
+    ends = [sample_pieces(c, np.full(len(c), phase))[1] for phase in (1e-4, 1.0 - 1e-4)]
     start, end = (v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-300) for v in ends)
     return start, end
 
@@ -108,7 +106,7 @@ def _rests(c: FloatArray) -> BoolArray:
     start, end = np.linalg.norm(d[:, 0], axis=1), np.linalg.norm(d.sum(axis=1), axis=1)
     largest = np.linalg.norm(np.abs(d).sum(axis=1), axis=1)
     rests = np.ones(len(c) + 1, dtype=np.bool_)
-    first, last = piece_directions(c)
+    first, last = _piece_directions(c)
     turn = np.linalg.norm(first[1:] - last[:-1], axis=1)
     rests[1:-1] = (end < _REST * largest)[:-1] | (start < _REST * largest)[1:] | (turn > 0.01)
     return rests
@@ -116,11 +114,8 @@ def _rests(c: FloatArray) -> BoolArray:
 
 def _split_at_rests(c: FloatArray) -> FloatArray:
     """Return the pieces, split where all joints have the velocity 0 inside of a piece."""
-    path = Path(c, np.empty(0, dtype=np.bool_))
-    phases = np.linspace(0.0, 1.0, _SAMPLES)
-    k = len(c)
-
-    _, v, a = path.sample(np.repeat(np.arange(k), _SAMPLES), np.tile(phases, k))
+    phases, k = np.linspace(0.0, 1.0, _SAMPLES), len(c)
+    _, v, a = sample_pieces(np.repeat(c, _SAMPLES, axis=0), np.tile(phases, k))
     at = (v * a).sum(axis=1).reshape(k, -1)
     largest = np.linalg.norm(np.abs(derivative(c)).sum(axis=1), axis=1)
     slow = np.linalg.norm(v, axis=1).reshape(k, -1) < 0.5 * largest[:, np.newaxis]
@@ -128,10 +123,10 @@ def _split_at_rests(c: FloatArray) -> FloatArray:
     low, high = phases[i], phases[i + 1]
     for _ in range(_BISECTIONS if len(piece) else 0):
         middle = 0.5 * (low + high)
-        _, v, a = path.sample(piece, middle)
+        _, v, a = sample_pieces(c[piece], middle)
         before = (v * a).sum(axis=1) < 0.0
         low, high = np.where(before, middle, low), np.where(before, high, middle)
-    speed = np.linalg.norm(path.sample(piece, high)[1], axis=1)
+    speed = np.linalg.norm(sample_pieces(c[piece], high)[1], axis=1)
     inside = (speed < _REST * largest[piece]) & (high > 1e-6) & (high < 1.0 - 1e-6)
     pieces = []
     for one in range(k) if inside.any() else ():
@@ -326,8 +321,7 @@ def _at(c: FloatArray, along: FloatArray, where: float, before: int) -> list[Flo
     """Return position and derivatives by the length at a length, on a piece before a corner."""
     i = int(np.clip(np.searchsorted(along, where, side='right') - 1, 0, before))
     h = along[i + 1] - along[i]
-    rows = Path(c, np.empty(0, dtype=np.bool_)).sample(
-        np.array([i]), np.array([(where - along[i]) / h]))
+    rows = sample_pieces(c[i:i + 1], np.array([(where - along[i]) / h]))
     return [row[0] / h**order for order, row in enumerate(rows)]
 
 

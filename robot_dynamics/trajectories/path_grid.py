@@ -20,7 +20,8 @@ LEAST_INTERVALS = 1000
 _SECTION = 24
 _TURN = 0.05
 _CAP = 0.1
-_SAMPLES, _RAMP = 2048, 5
+_SAMPLES = 2048
+_RAMPS = np.outer([-1.0, 1.0], 0.5 ** np.arange(1, 7)).ravel()
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
@@ -61,7 +62,7 @@ class PathGrid(NamedTuple):
 
 def make_grid(path: Path) -> PathGrid:
     """Return the grid of a path."""
-    piece, start, end, rests = _with_ramps(path, *_intervals(path))
+    piece, start, end, rests = _intervals(path)
     middle = 0.5 * (start + end)
     half = 0.5 * (end - start)
     m = len(piece)
@@ -103,41 +104,20 @@ def _intervals(path: Path) -> tuple[IntArray, FloatArray, FloatArray, BoolArray]
     counts = np.maximum(np.rint(density.sum(axis=1)), 1.0)
     index = np.concatenate((np.zeros((k, 1)), np.cumsum(density, axis=1)), axis=1)
     index *= (counts / index[:, -1])[:, np.newaxis]
-    piece = np.repeat(np.arange(k), counts.astype(np.intp))
     base = np.concatenate(([0.0], np.cumsum(counts)))
-    # One increasing function of the piece and the phase, whose value is whole at each node.
+    # One increasing function of the piece and the phase, whose value is whole at each node. The
+    # intervals next to rests are divided at halves, quarters and so on.
+    rests = base[path.rests]
+    values = np.unique(np.clip(np.concatenate(
+        [np.arange(base[-1] + 1.0), *(rests + ramp for ramp in _RAMPS)]), 0.0, base[-1]))
     nodes = np.interp(
-        np.arange(base[-1] + 1.0), (index + base[:-1, np.newaxis]).ravel(),
+        values, (index + base[:-1, np.newaxis]).ravel(),
         (phases + np.arange(k)[:, np.newaxis]).ravel())
-    rests = np.zeros(len(nodes), dtype=np.bool_)
-    rests[base.astype(np.intp)] = path.rests
-    first = base[:-1].astype(np.intp)
+    piece = np.searchsorted(base, values[:-1], side='right') - 1
     start, end = nodes[:-1] - piece, nodes[1:] - piece
-    start[first] = 0.0
-    end[base[1:].astype(np.intp) - 1] = 1.0
-    return piece, start, end, rests
-
-
-def _with_ramps(
-    path: Path, piece: IntArray, start: FloatArray, end: FloatArray, rests: BoolArray,
-) -> tuple[IntArray, FloatArray, FloatArray, BoolArray]:
-    """Divide the intervals next to rests, so that the first one takes 1/32 of their time."""
-    pieces, starts, ends, marks = [], [], [], []
-    parts = np.arange(_RAMP, 0, -1)
-    for i, (one, low, high) in enumerate(zip(piece, start, end)):
-        cuts = np.array([low, high])
-        for phase, other, at in ((low, high, i), (high, low, i + 1)):
-            if rests[at]:
-                speed = np.linalg.norm(path.sample(piece[i:i + 1], np.array([phase]))[1])
-                inner = np.linalg.norm(path.sample(piece[i:i + 1], np.array([other]))[1])
-                ratio = 0.25 if speed > 0.5 * inner else 0.5
-                cuts = np.concatenate((cuts, phase + (other - phase) * ratio**parts))
-        cuts = np.sort(cuts)
-        pieces += [one] * (len(cuts) - 1)
-        starts += cuts[:-1].tolist()
-        ends += cuts[1:].tolist()
-        marks += [rests[i]] + [False] * (len(cuts) - 2)
-    return (np.array(pieces), np.array(starts), np.array(ends), np.array([*marks, rests[-1]]))
+    start[np.isin(values[:-1], base)] = 0.0
+    end[np.isin(values[1:], base)] = 1.0
+    return piece, start, end, np.isin(values, rests)
 
 
 def _density(

@@ -201,13 +201,13 @@ def _fastest(
         before, x = x, fastest_states(rows, velocity_caps(limits, grid, of_velocity))
         _check_states(limits, trajectory, grid, x)
         T = durations(grid, x, rise)
-        excess = _excesses(limits, grid, x, T, is_first=passed == 0)
+        load, speed = _excesses(limits, grid, x, T, is_first=passed == 0)
         is_close = np.abs(x - before) <= _CLOSE * x
         known = (is_close[:-1] & is_close[1:]) | exact_at_once
         margins = np.where(
-            known[:, np.newaxis], np.clip(margins + excess.load, 0.0, 0.5), margins)
-        of_velocity = np.clip(of_velocity + excess.velocity, 0.0, 0.5)
-        largest = max(0.0, float(excess.load.max()), float(excess.velocity.max()))
+            known[:, np.newaxis], np.clip(margins + load, 0.0, 0.5), margins)
+        of_velocity = np.clip(of_velocity + speed, 0.0, 0.5)
+        largest = max(0.0, float(load.max()), float(speed.max()))
         slowed_down = float(T.sum()) * (1.0 + largest)
         if slowed_down < best[0]:
             best = slowed_down, x, T
@@ -274,13 +274,6 @@ def _check_states(
             'of gravity and friction is at its limit there')
 
 
-class _Excess(NamedTuple):
-    """Shares by which limits are exceeded: of efforts (m, n), and of velocities (m,)."""
-
-    load: FloatArray
-    velocity: FloatArray
-
-
 def _rise(grid: PathGrid, x: FloatArray) -> FloatArray:
     """
     Return by how much the control rises over each interval (m,), 0 where it jumps.
@@ -299,8 +292,12 @@ def _rise(grid: PathGrid, x: FloatArray) -> FloatArray:
 
 def _excesses(
     limits: PathLimits, grid: PathGrid, x: FloatArray, T: FloatArray, is_first: bool,
-) -> _Excess:
-    """Return the excesses on each interval of the interpolated trajectory; below 0 for none."""
+) -> tuple[FloatArray, FloatArray]:
+    """
+    Return the shares by which the interpolated trajectory exceeds limits, below 0 for none.
+
+    They are those of efforts (m, n) and of velocities (m,), on each interval.
+    """
     speed = np.sqrt(x)[:, np.newaxis]
     is_steep = limits.dynamics.arm.friction.steep_below.any() and not is_first
     T = T[:, np.newaxis]
@@ -331,7 +328,7 @@ def _excesses(
     peak = np.clip(-c2 / np.where(c3 != 0.0, 3.0 * c3, 1.0), 0.0, 1.0)
     fastest = np.abs(c1 + peak * (2.0 * c2 + peak * 3.0 * c3)) / T / limits.velocity
     largest = np.maximum.reduce(list(by_name.values())).max(axis=0)
-    return _Excess(largest - 1.0, np.maximum(ratio, fastest.max(axis=1)) - 1.0)
+    return largest - 1.0, np.maximum(ratio, fastest.max(axis=1)) - 1.0
 
 
 def _as_trajectory(names: tuple[str, ...], timing: PathTiming) -> JointTrajectory:

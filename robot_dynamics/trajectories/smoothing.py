@@ -17,7 +17,7 @@ from robot_dynamics.trajectories.interpolation import position_coefficients
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
 from robot_dynamics.trajectories.path_grid import PathEnd, PathGrid
 from robot_dynamics.trajectories.reachability import fastest_states
-from robot_dynamics.trajectories.segments import TrajectorySegments
+from robot_dynamics.trajectories.segments import sample_pieces, TrajectorySegments
 from robot_dynamics.trajectories.slow_down import slower, within_limits
 from robot_dynamics.trajectories.timing_limits import (
     constraints,
@@ -30,6 +30,7 @@ PER_WINDOW, LONGEST_STEP = 8, 0.01
 """Points of the result per window at least, and the longest time between them [s]."""
 _WINDOWS, _SHORTEST_WINDOW = (0.01, 0.5), 0.1
 _ROUNDS, _MOST_AT_ONCE, _ENOUGH, _PARTS = 40, 4.0, 0.02, 4
+_ORDERS = np.arange(1.0, 6.0)[:, np.newaxis]
 _GAUSS, _WEIGHTS = np.array([0.112702, 0.5, 0.887298]), np.array([5.0, 8.0, 5.0]) / 18.0
 
 
@@ -69,7 +70,7 @@ def within_rates(
     caps, rows = velocity_caps(limits, grid, np.zeros(m)), constraints(
         limits, grid, terms, x, np.zeros(m), np.zeros((m, n)))
     for _ in range(_ROUNDS):
-        result, first, last = smoothed(names, timing, window)
+        result, first, last = _smoothed(names, timing, window)
         excess = _excess_of_speed(limits, result, rates)
         if excess.max() <= 1.0 + _ENOUGH:
             break
@@ -117,20 +118,14 @@ def _rates(limits: PathLimits, result: JointTrajectory, rates: FloatArray) -> Fl
     return np.asarray((_PARTS * steps / T / rates).max(axis=1))
 
 
-class Smoothed(NamedTuple):
+def _smoothed(
+    names: tuple[str, ...], timing: PathTiming, window: float,
+) -> tuple[JointTrajectory, IntArray, IntArray]:
     """
-    A motion, and the part of the path over which σ̇ was averaged at each of its k points.
+    Return the motion with the mean σ̇ over a window [s], with accelerations at all k points.
 
-    `first` and `last` (k,) are numbers of nodes of the grid.
+    The other values (k,) are the first and last nodes between which σ̇ was averaged.
     """
-
-    trajectory: JointTrajectory
-    first: IntArray
-    last: IntArray
-
-
-def smoothed(names: tuple[str, ...], timing: PathTiming, window: float) -> Smoothed:
-    """Return the motion with the mean σ̇ over a window [s], with accelerations at all points."""
     stops = np.flatnonzero(timing.grid.rests)
     points: list[TrajectoryPoint] = []
     nodes: list[FloatArray] = []
@@ -142,7 +137,7 @@ def smoothed(names: tuple[str, ...], timing: PathTiming, window: float) -> Smoot
             t[more], *(values[more] for values in motion))]
         nodes.append(first + part[:, more])
         begin += float(t[-1])
-    return Smoothed(JointTrajectory(names, tuple(points)), *np.concatenate(nodes, axis=1))
+    return JointTrajectory(names, tuple(points)), *np.concatenate(nodes, axis=1)
 
 
 def _section(
@@ -176,27 +171,25 @@ class _PathTime:
 
     def __init__(self, T: FloatArray, length: FloatArray, speed: FloatArray) -> None:
         self.t = np.concatenate(([0.0], np.cumsum(T)))
-        self._sigma = np.concatenate(([0.0], np.cumsum(length)))
-        self._c = position_coefficients(
+        sigma = np.concatenate(([0.0], np.cumsum(length)))
+        c = position_coefficients(
             [np.zeros((len(T), 1)), speed[:-1, np.newaxis]],
-            [length[:, np.newaxis], speed[1:, np.newaxis]], T[:, np.newaxis])[:, :4, 0]
-        self._T = T
-        parts = T * (self._sigma[:-1] + self._c @ (1.0 / np.arange(1.0, 5.0)))
-        self._integral = np.concatenate(([0.0], np.cumsum(parts)))
+            [length[:, np.newaxis], speed[1:, np.newaxis]], T[:, np.newaxis])
+        c[:, 0, 0] += sigma[:-1]
+        self._T, self._end = T, sigma[-1]
+        self._integral = np.zeros_like(c)
+        self._integral[:, 1:] = T[:, np.newaxis, np.newaxis] * c[:, :5] / _ORDERS
+        self._integral[1:, 0] = np.cumsum(self._integral[:-1].sum(axis=1), axis=0)
 
     def sample(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the integral of σ, σ and σ̇, (k,) each."""
         inside = np.clip(t, 0.0, self.t[-1])
         i = np.clip(np.searchsorted(self.t, inside, side='right') - 1, 0, len(self._T) - 1)
         T = self._T[i]
-        p = (inside - self.t[i]) / T
-        c0, c1, c2, c3 = self._c[i].T
-        sigma = self._sigma[i] + c0 + p * (c1 + p * (c2 + p * c3))
-        rate = (c1 + p * (2.0 * c2 + p * 3.0 * c3)) / T
-        integral = self._integral[i] + T * p * (self._sigma[i] + c0 + p * (
-            c1 / 2.0 + p * (c2 / 3.0 + p * c3 / 4.0)))
-        return (integral + self._sigma[-1] * np.maximum(t - self.t[-1], 0.0), sigma,
-                np.where(t == inside, rate, 0.0))
+        integral, sigma, rate = (
+            x[:, 0] for x in sample_pieces(self._integral[i], (inside - self.t[i]) / T))
+        return (integral + self._end * np.maximum(t - self.t[-1], 0.0), sigma / T,
+                np.where(t == inside, rate / T**2, 0.0))
 
 
 def _at(
@@ -205,14 +198,10 @@ def _at(
     """Return position and its derivatives by σ at lengths (k,), (k, n) each."""
     along = np.concatenate(([0.0], np.cumsum(length)))
     i = np.clip(np.searchsorted(along, sigma, side='right') - 1, 0, len(length) - 1)
-    h = length[i][:, np.newaxis]
-    p = np.clip((sigma - along[i])[:, np.newaxis] / h, 0.0, 1.0)
+    left, right, h = left.rows(i), right.rows(i), length[i][:, np.newaxis]
     way = right.q - left.q
     c = position_coefficients(
         [np.zeros_like(way), left.tangent, left.curvature],
-        [way, right.tangent, right.curvature], length[:, np.newaxis])
-    c0, c1, c2, c3, c4, c5 = (c[i, order] for order in range(6))
-    q = left.q[i] + c0 + p * (c1 + p * (c2 + p * (c3 + p * (c4 + p * c5))))
-    first = c1 + p * (2 * c2 + p * (3 * c3 + p * (4 * c4 + p * 5 * c5)))
-    second = 2 * c2 + p * (6 * c3 + p * (12 * c4 + p * 20 * c5))
-    return q, first / h, second / h**2
+        [way, right.tangent, right.curvature], h)
+    q, first, second = sample_pieces(c, np.clip((sigma - along[i]) / length[i], 0.0, 1.0))
+    return left.q + q, first / h, second / h**2

@@ -19,6 +19,7 @@ from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.joints.actuator import Actuators
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.trajectories.efforts import limit_ratios
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.path_grid import PathEnd, PathGrid
 from robot_dynamics.trajectories.reachability import Rows
@@ -81,14 +82,10 @@ class PathLimits(NamedTuple):
         """Return |value| / limit (..., n) of each limited quantity of a motion, by its name."""
         arm = self.dynamics.arm
         tau = load + arm.friction.effort(v, load)
-        by_name = {'velocity': np.abs(v) / arm.limits.velocity,
-                   'acceleration': np.abs(a) / self.acceleration,
-                   'effort': np.abs(tau) / (self.share * arm.limits.effort)}
-        if arm.actuators is not None:
-            of_motor = arm.actuators.load(tau, v, a)
-            by_name.update(current=of_motor.current_ratio / self.share,
-                           voltage=of_motor.voltage_ratio / self.share)
-        return by_name
+        return {'velocity': np.abs(v) / arm.limits.velocity,
+                'acceleration': np.abs(a) / self.acceleration,
+                **{name: ratio / self.share
+                   for name, ratio in limit_ratios(arm, tau, v, a).items()}}
 
     def bounds(self, v: FloatArray) -> RigidBodyBounds:
         """Return the bounds at velocities (..., n)."""
@@ -181,7 +178,7 @@ def constraints(
     turns: BoolArray = grid.left.tangent * grid.right.tangent < 0.0
     for left, terms, nodes in ((True, ends[0], slice(0, -1)), (False, ends[1], slice(1, None))):
         of_u, of_x, bound = _end_rows(
-            limits, grid.sign, _Slow(turns, grid.rests[nodes]), terms, x[nodes], margins)
+            limits, grid.sign, turns, grid.rests[nodes], terms, x[nodes], margins)
         by_u = of_u / (2.0 * grid.length[:, np.newaxis])
         offset = (-0.5 if left else 0.5) * rise[:, np.newaxis]
         of_end = np.stack((
@@ -192,22 +189,16 @@ def constraints(
     return Rows(*np.concatenate((*rows, np.zeros((3, len(x) - 1, 1))), axis=2))
 
 
-class _Slow(NamedTuple):
-    """
-    Where friction and power have several signs, and each has to be within the limits.
-
-    `turns` (m, n) marks joints that turn back within the interval, `rests` (m,) an end at rest.
-    """
-
-    turns: BoolArray
-    rests: BoolArray
-
-
 def _end_rows(
-    limits: PathLimits, ways: FloatArray, slow: _Slow, terms: PathTerms, x: FloatArray,
-    margins: FloatArray,
+    limits: PathLimits, ways: FloatArray, turns: BoolArray, rests: BoolArray, terms: PathTerms,
+    x: FloatArray, margins: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return factors of u and x, and their bounds, (rows, m, n) each."""
+    """
+    Return factors of u and x, and their bounds, (rows, m, n) each.
+
+    Where joints turn back within the interval (`turns`, (m, n)), and at rest (`rests`, (m,)),
+    friction and power have several signs, and each has to be within the limits.
+    """
     tangent, curvature = terms.end.tangent, terms.end.curvature
     motors = limits.dynamics.arm.actuators
     rotor = 0.0 if motors is None else motors.reflected_inertia
@@ -221,12 +212,12 @@ def _end_rows(
     # Friction that decreases with the speed has the value at x.
     slope = np.where(direction * v[0] > 0.0, np.minimum(slope, 0.0), np.maximum(slope, 0.0))
     effort, gain = direction * effort[:, :, 0], gain[:, :, 0]
-    rows = np.flatnonzero(slow.turns.any(axis=1) | slow.rests)
+    rows = np.flatnonzero(turns.any(axis=1) | rests)
     if len(rows):
-        turns, here = slow.turns[rows], v[0, rows]
+        here = v[0, rows]
         bounds = limits.bounds(np.stack((
-            here, *(np.where(turns, sign * _SLOWEST, here) for sign in (1.0, -1.0)),
-            np.where(slow.rests[rows, np.newaxis], 0.0, here))))
+            here, *(np.where(turns[rows], sign * _SLOWEST, here) for sign in (1.0, -1.0)),
+            np.where(rests[rows, np.newaxis], 0.0, here))))
         signed = direction[..., np.newaxis] * bounds.effort
         least = np.argmin(signed, axis=2, keepdims=True)
         effort[:, :, rows], gain[:, :, rows] = (

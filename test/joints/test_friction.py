@@ -116,10 +116,9 @@ signed = st.floats(1e-3, 3.0).flatmap(lambda x: st.sampled_from([-x, x]))
 def test_a_sliding_joint_leaves_the_load_whose_friction_it_has(v1, v2, load1, load2):
     v, load = np.array([v1, v2]), np.array([load1, load2])
     effort = load + EVERY_TERM.effort(v, load)
-    sliding = EVERY_TERM.sliding(effort, np.sign(v), True)
-    assert sliding(v) == pytest.approx(load, rel=1e-12, abs=1e-12)
-    assert sliding(np.array([v, v])) == pytest.approx(np.array([load, load]), rel=1e-12, abs=1e-12)
     assert EVERY_TERM.load_behind(v, effort) == pytest.approx(load, rel=1e-12, abs=1e-12)
+    assert EVERY_TERM.load_behind(np.array([v, v]), effort, np.sign(v)) == pytest.approx(
+        np.array([load, load]), rel=1e-12, abs=1e-12)
     without_dry = EVERY_TERM.without_dry(v, effort)
     assert without_dry - EVERY_TERM.dry(v) * np.sign(v) == pytest.approx(
         load, rel=1e-12, abs=1e-12)
@@ -131,13 +130,6 @@ def test_the_damping_is_the_slope_of_the_smooth_terms(v1, v2, load1, load2):
     v, load = np.array([v1, v2]), np.array([load1, load2])
     smooth = EVERY_TERM.effort(v, load, np.zeros(2)) - EVERY_TERM.offset - EVERY_TERM.effort_bias
     assert EVERY_TERM.damping(v, load) * v == pytest.approx(smooth, rel=1e-9, abs=1e-12)
-
-
-def test_beyond_the_stribeck_range_sliding_friction_is_coulomb_friction():
-    effort, v = np.array([20.0, -5.0]), np.array([0.9, -1.8])  # 9 v_s
-    fast, exact = (
-        EVERY_TERM.sliding(effort, np.sign(v), is_active)(v) for is_active in (False, True))
-    assert fast == pytest.approx(exact, rel=1e-12)
 
 
 def test_friction_at_rest_holds_with_all_its_terms():

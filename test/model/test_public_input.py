@@ -29,8 +29,7 @@ _BARE = load_arm(default_arm_urdf())
 ARM = _BARE.with_friction(make_friction(
     _BARE.joint_names, [0.5], [1.0], load_coefficient=[0.1, 0.3], presliding_distance=[0.01]))
 STATE = {'q': (1, -2), 'v': (3, 2), 'a': (-4, 5), 'tau': (20, -6), 'load': (7, -8)}
-MANY = {
-    'inverse_dynamics_batch', 'gravity_batch', 'potential_energy_batch', 'friction_along'}
+MANY = {'inverse_dynamics_batch', 'gravity_batch', 'friction_along'}
 """Methods whose arrays are (samples, n)."""
 WRENCHES = [ExternalWrench('tool0', np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]))]
 Inputs = dict[str, tuple[Any, ...]]
@@ -77,6 +76,9 @@ def test_lists_tuples_and_arrays_give_the_same_bits_as_the_unchecked_method(kind
     assert in_bytes(call(**{f: x.tolist() for f, x in arrays.items()})) == expected
     assert in_bytes(call(**{f: x.astype(np.float32) for f, x in arrays.items()})) == expected
     unchecked = kind(ARM).unchecked
+    if method == 'friction_effort':
+        assert in_bytes(unchecked.friction.effort(**arrays)) == expected
+        return
     unchecked = unchecked if hasattr(unchecked, method) else unchecked.rigid_body
     wrenches = {'wrenches': WRENCHES} if (
         'wrenches' in inspect.signature(getattr(kind, method)).parameters) else {}
@@ -107,9 +109,6 @@ def test_each_field_is_a_finite_number_per_joint():
             for given in (entries, entries.tolist()):
                 assert refusal(kind, method, field, given) == (
                     f'{field}{"[0]" * many}[1] (joint2) is {bad!r}, expected a finite number')
-    for kind in (ArmDynamics, RigidBody):
-        with pytest.raises(InvalidInputError, match='threads is 0, expected a number >= 1'):
-            kind(ARM).inverse_dynamics_batch([[1, 2]], [[1, 2]], [[1, 2]], threads=0)
 
 
 def fields_of(value: Any) -> dict[str, Any]:

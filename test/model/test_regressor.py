@@ -11,7 +11,6 @@ from robot_dynamics.model.base_parameters import find_base_parameters
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import (
     inertial_parameters,
-    load_parameters,
     LoadRegressor,
     random_states,
     TorqueRegressor,
@@ -55,5 +54,5 @@ def test_the_regressor_of_a_load_times_its_parameters_is_its_effort(name, link):
     states = random_states(arm, 20)
     expected = ArmDynamics(arm.with_payloads([load])).inverse_dynamics_batch(*states) - (
         ArmDynamics(arm).inverse_dynamics_batch(*states))
-    effort = LoadRegressor(arm, link)(*states) @ load_parameters(load)
+    effort = LoadRegressor(arm, link)(*states) @ load.body.toDynamicParameters()
     assert effort == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())

@@ -89,7 +89,7 @@ class FollowingLaw(ControlLaw):
         A stop from a measured velocity is not helped along: friction brakes the arm.
         """
         if self._friction_mode == 'measured':
-            return state.dynamics.friction_effort(state.v, load)
+            return state.dynamics.friction.effort(state.v, load)
         is_stop = state.trajectory is not None and state.trajectory.is_from_measurement
         return state.dynamics.friction.tracking_effort(
             self._none if is_stop else tracking.velocity, tracking.error, self.ratio, load)

@@ -209,7 +209,7 @@ class DynamicsServices:
         response.joint_names = list(order.names)
         nonlinear = body.nonlinear(q, v)
         _fill(response, order.answer, gravity=body.gravity(q), nonlinear=nonlinear,
-              friction=dynamics.friction_effort(v, nonlinear))
+              friction=dynamics.friction.effort(v, nonlinear))
         _fill(response, order.answer_form, mass_matrix=body.mass_matrix(q),
               coriolis_matrix=body.coriolis_matrix(q, v))
         if request.include_christoffel:

@@ -59,7 +59,7 @@ class WrenchEstimate(NamedTuple):
 
 
 class _Error(NamedTuple):
-    """An effort (n,), the errors by `EffortDeviation.errors_at` (n, k), other variance (n,)."""
+    """An effort (n,), the errors by `EffortDeviation.errors` (n, k), other variance (n,)."""
 
     effort: FloatArray
     parameters: FloatArray
@@ -151,7 +151,7 @@ class ExternalWrenchEstimator:
             return np.zeros((len(q), 0)), np.zeros(len(q))
         if self._deviation is None:
             self._deviation = EffortDeviation(self._dynamics, self._uncertainty)
-        return (self._deviation.errors_at(q, v, a, smooth=True),
+        return (self._deviation.errors(q[None], v[None], a[None], smooth=True)[0],
                 self._uncertainty.friction(v, self._dynamics.arm.friction.viscous)**2)
 
     def _noise(self, dt: float, bandwidth: float) -> FloatArray | float:

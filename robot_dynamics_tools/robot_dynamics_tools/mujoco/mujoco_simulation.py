@@ -22,6 +22,7 @@ from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.simulation.arm_simulation import ArmState, check_released
+from robot_dynamics.simulation.plant import InnerController
 from robot_dynamics.validation import check_vector
 
 BRAKE_INERTIA = 1e6
@@ -275,12 +276,11 @@ class MujocoSimulation:
             kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC))
 
 
-class DirectDrives:
+class DirectDrives(InnerController):
     """Drives that deliver the commanded effort at the joints, and measure it."""
 
     def __init__(self, joint_count: int) -> None:
         self.idle_effort = np.zeros(joint_count)
-        """The commanded effort (n,) at which the drives deliver no torque."""
 
     def set_gravity(self, gravity: FloatArray) -> None:
         """Do nothing: these drives compensate no gravity."""

@@ -10,7 +10,6 @@ import numpy as np
 from payload_bench import hidden_load, holds, measured, Samples
 import pytest
 from recordings import encoded, START_NS, write_recording
-from robot_dynamics.model.regressor import load_parameters
 from robot_dynamics_tools.commands.estimate_payload import main
 from robots import robot_path
 
@@ -38,7 +37,7 @@ def test_the_load_of_a_recording(bag, capsys):
     # the model of the tool has no friction: that of the URDF
     assert main([str(bag), *options(), '--json']) == 0
     figures = json.loads(capsys.readouterr().out)
-    truth = load_parameters(CASE.load)
+    truth = CASE.load.body.toDynamicParameters()
     error = np.array(figures['values'][:4]) - truth[:4]
     assert abs(error[0]) < max(0.02 * truth[0], 0.02)
     assert (np.abs(error) < 4.0 * np.array(figures['deviations'][:4])).all()

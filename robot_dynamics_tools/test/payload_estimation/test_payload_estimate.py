@@ -27,7 +27,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.effort_deviation import EffortDeviation, make_uncertainty
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.regressor import load_parameters, parameter_names
+from robot_dynamics.model.regressor import parameter_names
 from robot_dynamics_tools.payload_estimation import PayloadEstimate, PayloadEstimator
 from robot_dynamics_tools.payload_estimation.advice import advise, Knowledge
 from robots import robot_urdf
@@ -59,7 +59,7 @@ def estimate_of(case: Case, kind: str) -> PayloadEstimate:
 
 def check_recovery(case: Case, estimate: PayloadEstimate) -> None:
     """Mass within 2 % or 20 g, moments within 1 cm × mass; small deviations."""
-    truth = load_parameters(case.load)
+    truth = case.load.body.toDynamicParameters()
     values, deviations = estimate.values, estimate.deviations
     assert abs(values[0] - truth[0]) <= max(0.02 * truth[0], 0.02), case.seed
     assert (np.abs(values[1:4] - truth[1:4]) <= 0.01 * truth[0]).all(), case.seed
@@ -224,7 +224,8 @@ def test_the_arm_can_hold_advised_poses_with_the_estimated_load():
     position = np.array([0.3, -1.2, 1.0, -1.4, 0.0, 0.4])
     variances = {kind: np.full(6, 100.0) for kind in ('single', 'paired', 'motion')}
     advice = advise(weak, case.link, range(4), Knowledge(
-        load_parameters(load), 1e-6 * np.eye(10), np.full(10, 0.05), position, variances, 0.2))
+        load.body.toDynamicParameters(), 1e-6 * np.eye(10), np.full(10, 0.05), position,
+        variances, 0.2))
     loaded = RigidBody(weak.with_payloads([load]))
     case = case._replace(arm=weak)
     poses = [followed(case, one, position) for one in advice]

@@ -10,7 +10,7 @@ from identification_bench import series_of
 import numpy as np
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model import ArmModel, make_payload, Payload, RigidBody
-from robot_dynamics.model.regressor import load_parameters, LoadRegressor
+from robot_dynamics.model.regressor import LoadRegressor
 from robot_dynamics_tools.analysis.motion_filter import filter_motion_below
 from robot_dynamics_tools.payload_estimation import PayloadEstimate, PayloadEstimator
 from robot_dynamics_tools.payload_estimation.recordings import add_motion
@@ -91,7 +91,8 @@ def held_by(case: Case, samples: Samples) -> np.ndarray:
     """Return the effort (m, n) that the load needs at rest."""
     zero = np.zeros_like(samples.q)
     return np.asarray(
-        LoadRegressor(case.arm, case.link)(samples.q, zero, zero) @ load_parameters(case.load))
+        LoadRegressor(case.arm, case.link)(samples.q, zero, zero)
+        @ case.load.body.toDynamicParameters())
 
 
 def sagging(case: Case, samples: Samples) -> Samples:
@@ -171,7 +172,7 @@ def estimated_from_raw_samples(case: Case, seconds: float) -> PayloadEstimate:
 
 def errors_in_deviations(case: Case, estimate: PayloadEstimate) -> dict[int, float]:
     """Return (estimate − truth) / deviation of the observable parameters, by their index."""
-    truth = load_parameters(case.load)
+    truth = case.load.body.toDynamicParameters()
     return {
         i: float((estimate.values[i] - truth[i]) / estimate.deviations[i])
         for i, verdict in enumerate(estimate.verdicts) if verdict == 'observable'}
