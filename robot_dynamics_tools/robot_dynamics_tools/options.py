@@ -151,6 +151,14 @@ def add_node(parser: argparse._ActionsContainer) -> None:
         5.0, 'S', 'Time to search for the node, and to wait for each answer [s]'))
 
 
+def add_output(
+    parser: argparse.ArgumentParser, metavar: str, text: str, default: Path | None = None,
+) -> None:
+    """Add --output, a file or a directory, and --force."""
+    parser.add_argument('-o', '--output', type=Path, metavar=metavar, default=default, help=text)
+    command_line.add_force(parser)
+
+
 def add_parameters(parser: argparse.ArgumentParser, used: str) -> None:
     """Add --parameters; `used` names the parameters that have an effect."""
     parser.add_argument(

@@ -41,16 +41,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     options.add_cutoff(parser)
     options.add_parameters(
         parser, 'joints, gravity, friction, motors, measured_effort, effort.scale, effort.offset')
-    parser.add_argument(
-        '--output', type=Path, metavar='DIR',
-        help=f'Output directory of {tasks.REPORT}, {tasks.PICTURE}, {tasks.TABLE} and the '
-             f'recording {tasks.TERMS}/; for several recordings, one directory each')
+    options.add_output(parser, 'DIR', (
+        f'Output directory of {tasks.REPORT}, {tasks.PICTURE}, {tasks.TABLE} and the recording '
+        f'{tasks.TERMS}/; for several recordings, one directory each'))
     parser.add_argument(
         '--parquet', action='store_true', help=f'Also write {tasks.PARQUET} (extra: parquet)')
     parser.add_argument(
         '--no-report', action='store_true',
         help=f'Write neither {tasks.REPORT} nor {tasks.PICTURE}')
-    command_line.add_force(parser)
     options.add_workers(parser)
     return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 

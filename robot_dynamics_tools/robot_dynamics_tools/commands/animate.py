@@ -63,11 +63,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--stop', **options.number(
         None, 'S', 'Times of the pauses that show the passes of the recursion [s]; no pause '
         'without a value (default: one pause)', nargs='*'))
-    parser.add_argument(
-        '-o', '--output', type=Path, metavar='FILE',
-        help='Output file: .gif, or .mp4 if ffmpeg is installed (default: out/<name of the '
-             'arm>.gif)')
-    command_line.add_force(parser)
+    options.add_output(parser, 'FILE', (
+        'Output file: .gif, or .mp4 if ffmpeg is installed (default: out/<name of the arm>.gif)'))
     return options.run_tool(parser, _run, argv)
 
 

@@ -34,9 +34,6 @@ from robot_dynamics_tools.recordings.bag_files import find_recordings
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.reporting.text_table import quantity_table, text_table
 
-OUTPUT = Path('identified')
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
     parser = command_line.Parser(prog='identify', description=__doc__)
@@ -64,10 +61,8 @@ def main(argv: Sequence[str] | None = None) -> int:
              'nor part of the output; may be repeated')
     options.add_parameters(
         parser, 'joints, gravity, motors, measured_effort, effort.scale, effort.offset')
-    parser.add_argument(
-        '--output', type=Path, default=OUTPUT, metavar='DIR',
-        help=f'Output directory (default: {OUTPUT})')
-    command_line.add_force(parser)
+    options.add_output(
+        parser, 'DIR', 'Output directory (default: %(default)s)', Path('identified'))
     options.add_workers(parser)
     return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 

@@ -76,11 +76,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         f'{POSES} × {POSES} evenly spaced poses)', nargs=2, action='append'))
     parser.add_argument('--samples', **options.number(
         torque_grid.SAMPLES, 'N', 'Number of positions of each of the two joints', int))
-    parser.add_argument(
-        '-o', '--output', type=Path, metavar='FILE',
-        help=f'Output file: {", ".join(FORMATS)}; {PAGE} is a report with a verdict per joint '
-             '(default: out/<name of the arm>_<what>.png)')
-    command_line.add_force(parser)
+    options.add_output(parser, 'FILE', (
+        f'Output file: {", ".join(FORMATS)}; {PAGE} is a report with a verdict per joint '
+        '(default: out/<name of the arm>_<what>.png)'))
     return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
 
