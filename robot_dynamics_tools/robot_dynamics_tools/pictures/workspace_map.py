@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
@@ -172,15 +173,11 @@ def smoothed(cells: FloatArray) -> tuple[FloatArray, FloatArray]:
     Both have FINE points per cell and a margin of one cell, (FINE (l + 2), FINE (k + 2)). A point
     that is not reachable has the value of its reachable neighbours.
     """
-    places = np.arange(-4.0 * FINE * SMOOTHING, 4.0 * FINE * SMOOTHING + 1.0)
-    kernel = np.exp(-0.5 * (places / (FINE * SMOOTHING)) ** 2)
-    kernel /= kernel.sum()
+    gaussian_filter = optional('scipy.ndimage', 'a map of the workspace').gaussian_filter
 
     def blurred(values: FloatArray) -> FloatArray:
         fine = np.kron(np.pad(values, 1), np.ones((FINE, FINE)))
-        for axis in (0, 1):
-            fine = np.apply_along_axis(np.convolve, axis, fine, kernel, 'same')
-        return np.asarray(fine, dtype=np.float64)
+        return np.asarray(gaussian_filter(fine, FINE * SMOOTHING, mode='constant'))
 
     known = np.isfinite(cells)
     reached = blurred(known.astype(float))

@@ -24,6 +24,7 @@ from robot_dynamics_tools.recordings.joint_series import JointSeries, RecordedJo
 from robot_dynamics_tools.recordings.messages import decode_joint_states
 from robot_dynamics_tools.recordings.storage import StoredFile
 from robot_dynamics_tools.recordings.topics import (
+    check_type,
     common_types,
     JOINT_STATE,
     RecordedTopic,
@@ -123,10 +124,7 @@ class Recording(AbstractContextManager['Recording']):
         decoded; `raw_messages` returns messages of any type.
         """
         kind, types = self.topic(topic).message_type, common_types()
-        if kind not in types.fielddefs:
-            raise RecordingError(
-                f'topic {topic!r} has type {kind!r}, expected a type of the common packages of '
-                'ROS 2 Jazzy, or DynamicsTerms')
+        check_type(topic, kind)
         serde_error = optional('rosbags.serde', 'a recording').SerdeError
         for time_ns, data in self.raw_messages(topic):
             try:
