@@ -169,7 +169,8 @@ def add_parameters(parser: argparse.ArgumentParser, used: str) -> None:
 def add_workers(parser: argparse.ArgumentParser) -> None:
     """Add --jobs and --dask."""
     parser.add_argument(
-        '--jobs', type=_count, metavar='N', help='Number of processes (default: one per core)')
+        '--jobs', type=number_in(1, 10**4, int), metavar='N',
+        help='Number of processes (default: one per core)')
     parser.add_argument(
         '--dask', metavar='SCHEDULER',
         help='Address of a Dask scheduler whose workers process the recordings, such as '
@@ -228,22 +229,17 @@ def _pair(text: str) -> tuple[str, str]:
     return first, second
 
 
-def number_in(low: float, high: float) -> Callable[[str], float]:
+def number_in(
+    low: float, high: float, kind: Callable[[str], float] = float,
+) -> Callable[[str], float]:
     """Return the type of an option whose number is in a range."""
     def number(text: str) -> float:
         try:
-            value = float(text)
+            value = kind(text)
         except ValueError:
             value = math.nan
         if not low <= value <= high:
             raise argparse.ArgumentTypeError(
                 f'{text!r}, expected a number in [{low:g}, {high:g}]')
         return value
-
     return number
-
-
-def _count(text: str) -> int:
-    if not text.isascii() or not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f'{text!r}, expected a number of at least 1')
-    return int(text)

@@ -24,7 +24,7 @@ from robot_dynamics.dependencies import require, require_ros
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
-from robot_dynamics_tools.viewer.cli import DEFAULT_PORT, port_number
+from robot_dynamics_tools.viewer.cli import DEFAULT_PORT, PORT_NUMBER
 
 if TYPE_CHECKING:
     from robot_dynamics.model.arm import ArmModel
@@ -67,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='Directory of the figure, the report, the recording and the logs (default: '
              'out/demo-<time>)')
     parser.add_argument(
-        '--viewer', type=port_number, nargs='?', const=DEFAULT_PORT, metavar='PORT',
+        '--viewer', type=PORT_NUMBER, nargs='?', const=DEFAULT_PORT, metavar='PORT',
         help='Show the arm in a browser, where sliders move it, until Ctrl-C; port of the page '
              f'(default: {DEFAULT_PORT})')
     parser.add_argument(
