@@ -134,10 +134,10 @@ def print_identification(
     print(quantity_table(summary.residual_rows(identification)))
     print('\nResidual by the noise of the effort:')
     print(quantity_table(summary.noise_rows(found)[:options.LONGEST_LIST + 1]))
-    print('\nFriction and rotors [N·m, rad, kg·m², or N, m, kg]:')
+    print(f'\n{summary.FRICTION_TITLE}:')
     print(quantity_table(summary.friction_rows(identification)))
     if identification.gains is not None:
-        print('\nDrive gains:')
+        print(f'\n{summary.GAIN_TITLE}:')
         print(quantity_table(summary.gain_rows(identification, identification.gains)))
     options.print_list('Warnings:', summary.warnings(identification))
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in paths))
