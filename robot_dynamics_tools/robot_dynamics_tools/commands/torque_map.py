@@ -114,7 +114,7 @@ def _workspace(
     on_computed()
     figure = workspace_figure(
         f'{arm.name}{load}: gravity as a share of the effort limits, at the positions of {link}',
-        arm, link, found)
+        found)
     return figure, f'{100.0 * found.held:.1f} % of the positions tried can be held'
 
 
