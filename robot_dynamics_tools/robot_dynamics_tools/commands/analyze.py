@@ -18,7 +18,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
@@ -54,8 +53,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
-    with_figure = arguments.output is not None and not arguments.no_report
-    require('the tool', 'rosbags', 'yaml', 'scipy', *(['matplotlib'] if with_figure else []))
     if arguments.parquet:
         require_parquet()
         if arguments.output is None:

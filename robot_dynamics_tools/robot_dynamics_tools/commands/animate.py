@@ -16,7 +16,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.tools import command_line
@@ -77,10 +76,7 @@ def _run(arguments: argparse.Namespace) -> int:
         arguments.stop)
     for stop in stops:
         check_scalar('--stop', stop, 0.0, duration)
-    output = arguments.output or Path('arm.gif')
-    require('the tool', 'matplotlib', *(['PIL'] if output.suffix.lower() == '.gif' else []),
-            *(['rosbags', 'yaml', 'scipy'] if recorded else []))
-    check_format(output)
+    check_format(arguments.output or Path('arm.gif'))
     arm, series = _read_recording(arguments) if recorded else (
         arm_from_urdf(options.read_robot(arguments.urdf), arguments.joints), None)
     PlanarView(arm)  # before the work, because it may reject the arm

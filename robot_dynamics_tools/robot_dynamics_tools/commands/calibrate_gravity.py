@@ -18,7 +18,7 @@ from datetime import datetime
 from pathlib import Path
 import sys
 
-from robot_dynamics.dependencies import require, require_ros
+from robot_dynamics.dependencies import require_ros
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model_check.html_page import summary
@@ -116,7 +116,6 @@ def _add_motion(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
-    require('the tool', 'rosbags', 'yaml', 'scipy', 'matplotlib')
     if arguments.move:
         return _move(arguments, argv)
     if not arguments.bags or arguments.urdf is None:

@@ -16,7 +16,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.tools import command_line
@@ -83,7 +82,6 @@ def _payload(text: str) -> tuple[str, str, tuple[float, ...]]:
 
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
-    require('the tool', 'rosbags', 'yaml', 'scipy', 'matplotlib')
     bags = find_recordings(arguments.bags)
     settings = replace(
         options.read_settings(arguments), effort_is_current=arguments.effort == 'current')

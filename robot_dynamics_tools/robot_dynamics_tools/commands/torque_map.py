@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
@@ -86,7 +85,6 @@ def _run(arguments: argparse.Namespace) -> int:
         raise InvalidInputError(
             f'--velocity and --acceleration are given with {arguments.what!r}, expected '
             f'{MOTION!r}')
-    require('the tool', 'matplotlib')
     arm = arm_from_urdf(options.read_robot(arguments.urdf))
     link = arguments.link or tool_link(arm)
     arm.link_frame(link, '--link')

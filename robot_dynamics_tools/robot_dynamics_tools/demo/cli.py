@@ -87,7 +87,9 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         if None not in (getattr(arguments, option), getattr(arguments, other)):
             raise InvalidInputError(
                 f'--{option} is given with --{other}, expected one of the two')
-    _check_libraries(arguments)
+    require_ros('the demo')
+    if arguments.viewer is not None:
+        require('demo --viewer', 'viser')
     urdf = None if arguments.robot is None else options.read_robot(arguments.robot, '--robot')
     try:
         directory = _make_directory(arguments.out)
@@ -101,18 +103,6 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     begin = _closed_loop if arguments.replay is None else _replay
     return begin(arguments, urdf, directory, command_line.origin_of(
         'demo', argv, arguments.robot, default))
-
-
-def _check_libraries(arguments: argparse.Namespace) -> None:
-    """Raise MissingDependencyError before any node starts if a library is not installed."""
-    require_ros('the demo')
-    require('the demo', 'yaml', 'rosbags')
-    if arguments.replay is not None:
-        require('demo --replay', 'scipy')
-    if not arguments.no_plot:
-        require('the figure of demo (omit it with --no-plot)', 'matplotlib')
-    if arguments.viewer is not None:
-        require('demo --viewer', 'viser')
 
 
 def _closed_loop(
