@@ -151,6 +151,14 @@ def add_node(parser: argparse._ActionsContainer) -> None:
         5.0, 'S', 'Time to search for the node, and to wait for each answer [s]'))
 
 
+def add_output(
+    parser: argparse.ArgumentParser, metavar: str, text: str, default: Path | None = None,
+) -> None:
+    """Add --output, a file or a directory, and --force."""
+    parser.add_argument('-o', '--output', type=Path, metavar=metavar, default=default, help=text)
+    command_line.add_force(parser)
+
+
 def add_parameters(parser: argparse.ArgumentParser, used: str) -> None:
     """Add --parameters; `used` names the parameters that have an effect."""
     parser.add_argument(
@@ -161,7 +169,8 @@ def add_parameters(parser: argparse.ArgumentParser, used: str) -> None:
 def add_workers(parser: argparse.ArgumentParser) -> None:
     """Add --jobs and --dask."""
     parser.add_argument(
-        '--jobs', type=_count, metavar='N', help='Number of processes (default: one per core)')
+        '--jobs', type=number_in(1, 10**4, int), metavar='N',
+        help='Number of processes (default: one per core)')
     parser.add_argument(
         '--dask', metavar='SCHEDULER',
         help='Address of a Dask scheduler whose workers process the recordings, such as '
@@ -220,22 +229,17 @@ def _pair(text: str) -> tuple[str, str]:
     return first, second
 
 
-def number_in(low: float, high: float) -> Callable[[str], float]:
+def number_in(
+    low: float, high: float, kind: Callable[[str], float] = float,
+) -> Callable[[str], float]:
     """Return the type of an option whose number is in a range."""
     def number(text: str) -> float:
         try:
-            value = float(text)
+            value = kind(text)
         except ValueError:
             value = math.nan
         if not low <= value <= high:
             raise argparse.ArgumentTypeError(
                 f'{text!r}, expected a number in [{low:g}, {high:g}]')
         return value
-
     return number
-
-
-def _count(text: str) -> int:
-    if not text.isascii() or not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f'{text!r}, expected a number of at least 1')
-    return int(text)

@@ -8,7 +8,7 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis
@@ -24,20 +24,24 @@ from robot_dynamics_tools.recordings.writer import RecordingWriter
 TERMS_TOPIC, RESIDUAL_TOPIC = '/dynamics/terms', '/dynamics_monitor/residual'
 _ROWS = 1000
 """Number of lines that are formatted at a time."""
+Column = FloatArray | IntArray | BoolArray
 
 
-def sample_columns(analysis: BagAnalysis) -> dict[str, FloatArray]:
+def sample_columns(analysis: BagAnalysis) -> dict[str, Column]:
     """
     Return the samples by the names of their columns, (m,) each, units in the names.
 
-    A joint's columns begin with its name: `shoulder_pan_joint.position [rad]`.
+    The first two are the stamp, and whether the sample counts. A joint's columns begin with its
+    name: `shoulder_pan_joint.position [rad]`.
     """
-    columns = motion_columns(analysis.arm, analysis.motion, {
-        'measured': analysis.measured, 'model': analysis.terms.effort,
-        'residual': analysis.residual, **analysis.terms.by_name})
-    columns['kinetic_energy [J]'] = analysis.terms.kinetic_energy
-    columns['potential_energy [J]'] = analysis.terms.potential_energy
-    return columns
+    motion = analysis.motion
+    return {
+        'stamp [ns]': motion.stamps_ns, 'counts': motion.usable,
+        **motion_columns(analysis.arm, motion, {
+            'measured': analysis.measured, 'model': analysis.terms.effort,
+            'residual': analysis.residual, **analysis.terms.by_name}),
+        'kinetic_energy [J]': analysis.terms.kinetic_energy,
+        'potential_energy [J]': analysis.terms.potential_energy}
 
 
 def motion_columns(
@@ -56,29 +60,21 @@ def motion_columns(
     return columns
 
 
-def write_csv(analysis: BagAnalysis, path: Path) -> None:
-    """Write one line per sample: stamp [ns], whether it is used, and values; raise OSError."""
-    columns = sample_columns(analysis)
-    line = '%d,%d' + len(columns) * ',%.10g' + '\n'
-    names = ('stamp [ns]', 'counts', *columns)
+def write_csv(columns: Mapping[str, Column], path: Path) -> None:
+    """Write one line per sample, after the names of the columns (m,) each; raise OSError."""
+    line = ','.join(
+        '%.10g' if column.dtype.kind == 'f' else '%d' for column in columns.values()) + '\n'
     with path.open('w', encoding='utf-8', newline='') as file:
-        csv.writer(file, lineterminator='\n').writerow(names)
-        motion, values = analysis.motion, list(columns.values())
-        for at in range(0, len(motion.stamps_ns), _ROWS):
-            part = slice(at, at + _ROWS)
-            numbers = np.column_stack([column[part] for column in values]).tolist()
-            file.writelines(
-                line % (stamp, counts, *row) for stamp, counts, row in zip(
-                    motion.stamps_ns[part].tolist(), motion.usable[part].tolist(), numbers))
+        csv.writer(file, lineterminator='\n').writerow(columns)
+        for at in range(0, max(map(len, columns.values())), _ROWS):
+            file.writelines(line % row for row in zip(*(
+                column[at:at + _ROWS].tolist() for column in columns.values())))
 
 
-def write_parquet(analysis: BagAnalysis, path: Path) -> None:
-    """Write the samples as Parquet; raise OSError, MissingDependencyError without pyarrow."""
+def write_parquet(columns: Mapping[str, Column], path: Path) -> None:
+    """Write columns as Parquet; raise OSError, MissingDependencyError without pyarrow."""
     pyarrow, parquet = optional('pyarrow', 'Parquet'), optional('pyarrow.parquet', 'Parquet')
-    motion = analysis.motion
-    parquet.write_table(pyarrow.table({
-        'stamp [ns]': motion.stamps_ns, 'counts': motion.usable, **sample_columns(analysis)}),
-        path)
+    parquet.write_table(pyarrow.table(dict(columns)), path)
 
 
 def require_parquet() -> None:

@@ -14,16 +14,16 @@ from pathlib import Path
 
 import numpy as np
 from robot_dynamics.model_check.html_page import Origin
+from robot_dynamics_tools.analysis import sample_files
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
 from robot_dynamics_tools.analysis.bag_analysis import analyze_recording, LimitUse
 from robot_dynamics_tools.analysis.report import facts, write_report
 from robot_dynamics_tools.analysis.residual import ResidualStatistics
-from robot_dynamics_tools.analysis.sample_files import write_csv, write_parquet, write_terms
 
 REPORT, PICTURE, TABLE, PARQUET, TERMS = (
     'report.html', 'report.png', 'samples.csv', 'samples.parquet', 'terms')
-_WRITERS = {TABLE: write_csv, PARQUET: write_parquet, TERMS: write_terms}
-OUTPUTS = (REPORT, *_WRITERS)
+_WRITERS = {TABLE: sample_files.write_csv, PARQUET: sample_files.write_parquet}
+OUTPUTS = (REPORT, *_WRITERS, TERMS)
 """The file names of the possible outputs; PICTURE is written together with the report."""
 
 
@@ -77,8 +77,10 @@ def analyze_task(
         directory.mkdir(parents=True, exist_ok=True)
         if name == REPORT:
             write_report(analysis, directory / name, task.origin)
+        elif name == TERMS:
+            sample_files.write_terms(analysis, directory / name)
         else:
-            _WRITERS[name](analysis, directory / name)
+            _WRITERS[name](sample_files.sample_columns(analysis), directory / name)
         written += [str(directory / each) for each in (
             (REPORT, PICTURE) if name == REPORT else (name,))]
         on_step(name)

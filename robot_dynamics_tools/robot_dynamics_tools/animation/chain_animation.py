@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.dependencies import optional
 from robot_dynamics.planar.chain import NewtonEulerPass
 from robot_dynamics_tools.animation import chain_stage
 from robot_dynamics_tools.animation.arm_motion import ArmMotion
@@ -203,18 +204,14 @@ def _trail(motion: ArmMotion, view: PlanarView) -> tuple[FloatArray, FloatArray]
     Between two instants the joints follow the cubic polynomial through their positions and
     velocities.
     """
-    t, q, v = motion.times, motion.position, motion.velocity
-    rest = np.zeros(motion.arm.joint_count)
-    times, tips = [t[:1]], [view.passes(q[0], rest, rest).tip_position[None]]
-    s = np.arange(1, TRAIL_PARTS + 1)[:, None] / TRAIL_PARTS
-    for k in range(len(t) - 1):
-        h, change = t[k + 1] - t[k], q[k + 1] - q[k]
-        quadratic = 3.0 * change - h * (2.0 * v[k] + v[k + 1])
-        cubic = h * (v[k] + v[k + 1]) - 2.0 * change
-        between = q[k] + s * (h * v[k] + s * (quadratic + s * cubic))
-        times.append(t[k] + h * s[:, 0])
-        tips.append(np.array([view.passes(one, rest, rest).tip_position for one in between]))
-    return np.concatenate(times), np.concatenate(tips)
+    t, rest = motion.times, np.zeros(motion.arm.joint_count)
+    times, positions = t, motion.position
+    if len(t) > 1:
+        spline = optional('scipy.interpolate', 'an animation').CubicHermiteSpline
+        places = np.linspace(0.0, len(t) - 1.0, TRAIL_PARTS * (len(t) - 1) + 1)
+        times = np.interp(places, np.arange(len(t)), t)
+        positions = spline(t, motion.position, motion.velocity)(times)
+    return times, np.array([view.passes(q, rest, rest).tip_position for q in positions])
 
 
 def _rate_formulas(i: int) -> tuple[str, str]:

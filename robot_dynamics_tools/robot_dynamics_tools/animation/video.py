@@ -48,15 +48,13 @@ def check_format(path: Path) -> None:
     """
     Raise an error if the name of this path does not permit writing an animation.
 
-    InvalidInputError for another suffix, MissingDependencyError without the library or program.
+    InvalidInputError for another suffix, MissingDependencyError without the program.
     """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         raise InvalidInputError(
             f'the picture is {str(path)!r}, expected a name that ends in one of {list(FORMATS)}')
-    if suffix == '.gif':
-        optional('PIL', 'a GIF')
-    else:
+    if suffix == '.mp4':
         _ffmpeg()
 
 

@@ -18,7 +18,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
@@ -41,23 +40,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     options.add_cutoff(parser)
     options.add_parameters(
         parser, 'joints, gravity, friction, motors, measured_effort, effort.scale, effort.offset')
-    parser.add_argument(
-        '--output', type=Path, metavar='DIR',
-        help=f'Output directory of {tasks.REPORT}, {tasks.PICTURE}, {tasks.TABLE} and the '
-             f'recording {tasks.TERMS}/; for several recordings, one directory each')
+    options.add_output(parser, 'DIR', (
+        f'Output directory of {tasks.REPORT}, {tasks.PICTURE}, {tasks.TABLE} and the recording '
+        f'{tasks.TERMS}/; for several recordings, one directory each'))
     parser.add_argument(
         '--parquet', action='store_true', help=f'Also write {tasks.PARQUET} (extra: parquet)')
     parser.add_argument(
         '--no-report', action='store_true',
         help=f'Write neither {tasks.REPORT} nor {tasks.PICTURE}')
-    command_line.add_force(parser)
     options.add_workers(parser)
     return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
-    with_figure = arguments.output is not None and not arguments.no_report
-    require('the tool', 'rosbags', 'yaml', 'scipy', *(['matplotlib'] if with_figure else []))
     if arguments.parquet:
         require_parquet()
         if arguments.output is None:

@@ -16,7 +16,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.tools import command_line
@@ -56,18 +55,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--from', **options.number(0.0, 'S', 'Start time in the recording [s]', dest='start'))
     parser.add_argument('--duration', **options.number(5.0, 'S', 'Duration of the motion [s]'))
-    parser.add_argument('--speed', **options.number(
-        None, 'X', 'Playback speed as a multiple of real time (default: '
-        f'{SIMULATED_SPEED:g}, for a recording {RECORDED_SPEED:g})'))
     parser.add_argument('--rate', **options.number(12.0, 'HZ', 'Frame rate [Hz]'))
     parser.add_argument('--stop', **options.number(
         None, 'S', 'Times of the pauses that show the passes of the recursion [s]; no pause '
         'without a value (default: one pause)', nargs='*'))
-    parser.add_argument(
-        '-o', '--output', type=Path, metavar='FILE',
-        help='Output file: .gif, or .mp4 if ffmpeg is installed (default: out/<name of the '
-             'arm>.gif)')
-    command_line.add_force(parser)
+    options.add_output(parser, 'FILE', (
+        'Output file: .gif, or .mp4 if ffmpeg is installed (default: out/<name of the arm>.gif)'))
     return options.run_tool(parser, _run, argv)
 
 
@@ -75,9 +68,7 @@ def _run(arguments: argparse.Namespace) -> int:
     duration = check_scalar('--duration', arguments.duration, 0.1, LONGEST_DURATION)
     rate = check_scalar('--rate', arguments.rate, 1.0, 50.0)
     recorded = arguments.bag is not None
-    speed = arguments.speed if arguments.speed is not None else (
-        RECORDED_SPEED if recorded else SIMULATED_SPEED)
-    speed = check_scalar('--speed', speed, 0.01, 100.0)
+    speed = RECORDED_SPEED if recorded else SIMULATED_SPEED
     if arguments.topic is not None and not recorded:
         raise InvalidInputError(
             '--topic is given without a recording; it is a topic of the recording')
@@ -85,10 +76,7 @@ def _run(arguments: argparse.Namespace) -> int:
         arguments.stop)
     for stop in stops:
         check_scalar('--stop', stop, 0.0, duration)
-    output = arguments.output or Path('arm.gif')
-    require('the tool', 'matplotlib', *(['PIL'] if output.suffix.lower() == '.gif' else []),
-            *(['rosbags', 'yaml', 'scipy'] if recorded else []))
-    check_format(output)
+    check_format(arguments.output or Path('arm.gif'))
     arm, series = _read_recording(arguments) if recorded else (
         arm_from_urdf(options.read_robot(arguments.urdf), arguments.joints), None)
     PlanarView(arm)  # before the work, because it may reject the arm

@@ -18,7 +18,7 @@ from datetime import datetime
 from pathlib import Path
 import sys
 
-from robot_dynamics.dependencies import require, require_ros
+from robot_dynamics.dependencies import require_ros
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model_check.html_page import summary
@@ -37,7 +37,7 @@ from robot_dynamics_tools.gravity_motion.poses import PoseChoice
 from robot_dynamics_tools.recordings.bag_files import find_recordings
 from robot_dynamics_tools.reporting.text_table import quantity_table, text_table
 
-OUTPUT, REPORT = Path('calibrated.yaml'), '.html'
+REPORT = '.html'
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -62,11 +62,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         None, 'KG', 'Known mass of this tool [kg]; required without --with-weight'))
     options.add_parameters(
         parser, 'joints, gravity, motors, measured_effort, effort; all are copied to the output')
-    parser.add_argument(
-        '-o', '--output', type=Path, default=OUTPUT, metavar='FILE',
-        help='Output parameter file; the report has the same name, with the suffix .html '
-             '(default: %(default)s)')
-    command_line.add_force(parser)
+    options.add_output(parser, 'FILE', (
+        'Output parameter file; the report has the same name, with the suffix .html (default: '
+        '%(default)s)'), Path('calibrated.yaml'))
     _add_motion(parser)
     parser.set_defaults(cutoff=None)  # holds are not filtered
     return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
@@ -118,7 +116,6 @@ def _add_motion(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
-    require('the tool', 'rosbags', 'yaml', 'scipy', 'matplotlib')
     if arguments.move:
         return _move(arguments, argv)
     if not arguments.bags or arguments.urdf is None:

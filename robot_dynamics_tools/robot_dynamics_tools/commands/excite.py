@@ -36,10 +36,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
     parser = command_line.Parser(prog='excite', description=__doc__)
     options.add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
-    parser.add_argument(
-        '--output', type=Path, metavar='FILE', default=Path('trajectory.yaml'),
-        help='Output file of the trajectory_msgs/JointTrajectory (default: %(default)s)')
-    command_line.add_force(parser)
+    options.add_output(parser, 'FILE', (
+        'Output file of the trajectory_msgs/JointTrajectory (default: %(default)s)'),
+        Path('trajectory.yaml'))
     options.add_parameters(
         parser, 'joints, gravity, friction, motors, effort.scale, effort.offset')
     parser.add_argument(

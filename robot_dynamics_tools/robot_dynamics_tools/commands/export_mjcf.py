@@ -12,7 +12,6 @@ no such arm.
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 import sys
 
 from robot_dynamics.model.arm_parameters import arm_from_parameters
@@ -27,9 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     options.add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
     options.add_parameters(
         parser, 'joints, gravity, friction, motors, effort.scale, effort.offset')
-    parser.add_argument(
-        '-o', '--output', type=Path, metavar='FILE', help='Output file (default: stdout)')
-    command_line.add_force(parser)
+    options.add_output(parser, 'FILE', 'Output file (default: stdout)')
     return options.run_tool(parser, _run, argv)
 
 

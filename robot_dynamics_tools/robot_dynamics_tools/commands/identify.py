@@ -16,7 +16,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.tools import command_line
@@ -33,9 +32,6 @@ from robot_dynamics_tools.identification.report import file_notes, FILES, write_
 from robot_dynamics_tools.recordings.bag_files import find_recordings
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.reporting.text_table import quantity_table, text_table
-
-OUTPUT = Path('identified')
-
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
@@ -64,10 +60,8 @@ def main(argv: Sequence[str] | None = None) -> int:
              'nor part of the output; may be repeated')
     options.add_parameters(
         parser, 'joints, gravity, motors, measured_effort, effort.scale, effort.offset')
-    parser.add_argument(
-        '--output', type=Path, default=OUTPUT, metavar='DIR',
-        help=f'Output directory (default: {OUTPUT})')
-    command_line.add_force(parser)
+    options.add_output(
+        parser, 'DIR', 'Output directory (default: %(default)s)', Path('identified'))
     options.add_workers(parser)
     return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
@@ -88,7 +82,6 @@ def _payload(text: str) -> tuple[str, str, tuple[float, ...]]:
 
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
-    require('the tool', 'rosbags', 'yaml', 'scipy', 'matplotlib')
     bags = find_recordings(arguments.bags)
     settings = replace(
         options.read_settings(arguments), effort_is_current=arguments.effort == 'current')
@@ -139,10 +132,10 @@ def print_identification(
     print(quantity_table(summary.residual_rows(identification)))
     print('\nResidual by the noise of the effort:')
     print(quantity_table(summary.noise_rows(found)[:options.LONGEST_LIST + 1]))
-    print('\nFriction and rotors [N·m, rad, kg·m², or N, m, kg]:')
+    print(f'\n{summary.FRICTION_TITLE}:')
     print(quantity_table(summary.friction_rows(identification)))
     if identification.gains is not None:
-        print('\nDrive gains:')
+        print(f'\n{summary.GAIN_TITLE}:')
         print(quantity_table(summary.gain_rows(identification, identification.gains)))
     options.print_list('Warnings:', summary.warnings(identification))
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in paths))

@@ -10,7 +10,6 @@ Exit status: 0 done; 2 a mistake in the arguments, or a recording cannot be used
 import argparse
 from collections.abc import Sequence
 import json
-from pathlib import Path
 
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
@@ -28,10 +27,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         'joints, friction, motors, measured_effort, external_effort_bandwidth (not payload.*)'))
     parser.add_argument('--alarms-per-hour', **options.number(
         1.0, 'RATE', 'Most false alarms per hour of all joints together'))
-    parser.add_argument(
-        '-o', '--output', type=Path, metavar='FILE',
-        help='Parameter file for dynamics_node. Without it, the levels are only printed.')
-    command_line.add_force(parser)
+    options.add_output(parser, 'FILE', (
+        'Parameter file for dynamics_node. Without it, the levels are only printed.'))
     parser.add_argument('--json', action='store_true', help='Print the result as JSON.')
     parser.set_defaults(cutoff=None)
     return options.run_tool(parser, _run, argv)

@@ -24,7 +24,7 @@ from robot_dynamics.dependencies import require, require_ros
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
-from robot_dynamics_tools.viewer.cli import DEFAULT_PORT, port_number
+from robot_dynamics_tools.viewer.cli import DEFAULT_PORT, PORT_NUMBER
 
 if TYPE_CHECKING:
     from robot_dynamics.model.arm import ArmModel
@@ -67,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='Directory of the figure, the report, the recording and the logs (default: '
              'out/demo-<time>)')
     parser.add_argument(
-        '--viewer', type=port_number, nargs='?', const=DEFAULT_PORT, metavar='PORT',
+        '--viewer', type=PORT_NUMBER, nargs='?', const=DEFAULT_PORT, metavar='PORT',
         help='Show the arm in a browser, where sliders move it, until Ctrl-C; port of the page '
              f'(default: {DEFAULT_PORT})')
     parser.add_argument(
@@ -87,7 +87,9 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         if None not in (getattr(arguments, option), getattr(arguments, other)):
             raise InvalidInputError(
                 f'--{option} is given with --{other}, expected one of the two')
-    _check_libraries(arguments)
+    require_ros('the demo')
+    if arguments.viewer is not None:
+        require('demo --viewer', 'viser')
     urdf = None if arguments.robot is None else options.read_robot(arguments.robot, '--robot')
     try:
         directory = _make_directory(arguments.out)
@@ -101,18 +103,6 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     begin = _closed_loop if arguments.replay is None else _replay
     return begin(arguments, urdf, directory, command_line.origin_of(
         'demo', argv, arguments.robot, default))
-
-
-def _check_libraries(arguments: argparse.Namespace) -> None:
-    """Raise MissingDependencyError before any node starts if a library is not installed."""
-    require_ros('the demo')
-    require('the demo', 'yaml', 'rosbags')
-    if arguments.replay is not None:
-        require('demo --replay', 'scipy')
-    if not arguments.no_plot:
-        require('the figure of demo (omit it with --no-plot)', 'matplotlib')
-    if arguments.viewer is not None:
-        require('demo --viewer', 'viser')
 
 
 def _closed_loop(

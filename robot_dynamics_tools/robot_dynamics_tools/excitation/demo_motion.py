@@ -99,17 +99,20 @@ def make_reference_motion(
         scale *= 0.85
 
 
-def rest_to_rest_seconds(distance: FloatArray, velocity: FloatArray) -> float:
+def rest_to_rest_seconds(
+    distance: FloatArray, velocity: FloatArray,
+    acceleration: FloatArray | float = LARGEST_ACCELERATION,
+) -> float:
     """
     Return the duration [s] of a quintic from rest to rest over `distance` (n,) [rad] or [m].
 
-    No joint exceeds its `velocity` (n,) [rad/s] or [m/s], or LARGEST_ACCELERATION; the duration
-    is at least SHORTEST_DURATION.
+    No joint exceeds its `velocity` (n,) [rad/s] or [m/s], or `acceleration` [rad/s²] or [m/s²];
+    the duration is at least SHORTEST_DURATION.
     """
     d = np.abs(distance)
     return float(max(
         SHORTEST_DURATION, np.max(PEAK_VELOCITY * d / velocity, initial=0.0),
-        np.sqrt(np.max(PEAK_ACCELERATION * d / LARGEST_ACCELERATION, initial=0.0))))
+        np.sqrt(np.max(PEAK_ACCELERATION * d / acceleration, initial=0.0))))
 
 
 def motion_along(arm: ArmModel, trajectory: JointTrajectory) -> ReferenceMotion:

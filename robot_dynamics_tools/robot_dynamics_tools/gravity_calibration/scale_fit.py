@@ -16,17 +16,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import BoolArray, column_scale, FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics_tools.estimated_weights import estimated_weights
+from robot_dynamics_tools.least_squares import decomposed, LOST
 
 TYPICAL_SCALE_ERROR = 0.3
 """Standard deviation of 1/s about its assumed value, at a joint without observable scale."""
 _STEPS, _ROUNDS = 30, 6
 _CONVERGED = 1e-13
-_SINGULAR = 1e-9
-"""Relative singular value below which a combination of parameters is not determined."""
-_LOST = 1e-5
-"""Smallest part of a parameter in an undetermined combination that makes it undetermined."""
 _ROUNDING = 1e-12
 """Size of a column, relative to the largest one, below which it consists of rounding errors."""
 _UNLIMITED = 1e9
@@ -91,7 +88,7 @@ class ScaleFit:
         factor, quantile = estimated_weights(share, self.freedom)
         deviation = np.sqrt(total) * factor
         interval = deviation * quantile
-        is_lost = (np.abs(C[:, self.is_lost]) > _LOST).any(axis=1)
+        is_lost = (np.abs(C[:, self.is_lost]) > LOST).any(axis=1)
         return Spread(np.where(is_lost, np.inf, deviation), np.where(is_lost, np.inf, interval))
 
 
@@ -137,19 +134,19 @@ def fit_scales(seen: Observations, assumed: FloatArray) -> ScaleFit:
     rows = seen.is_used.sum(axis=0)
     for _ in range(_ROUNDS):
         _minimise(seen, assumed, noise, values)
-        basis, _, _ = _decomposed(_weighted_jacobian(seen, assumed, noise, values))
+        basis = decomposed(_weighted_jacobian(seen, assumed, noise, values)).basis
         leverage = (basis**2).sum(axis=1)[:seen.is_used.size].reshape(-1, n).sum(axis=0)
         freedom = np.maximum(rows - leverage, 1.0)
         squares = (_residual(seen, values)**2).sum(axis=0)
         noise = np.maximum(np.sqrt(squares / freedom), floor)
-    J = _weighted_jacobian(seen, assumed, noise, values)
-    basis, singular, back = _decomposed(J)
+    basis, back, is_lost, condition = decomposed(
+        _weighted_jacobian(seen, assumed, noise, values))
     joint = np.append(np.tile(np.arange(n), len(seen.effort)), np.full(n, n))
     parts = np.array([
         back @ (basis[joint == j].T @ basis[joint == j]) @ back.T for j in range(n + 1)])
     return ScaleFit(
         values[:n], values[n:2 * n], values[2 * n:], noise, parts,
-        np.append(freedom, _UNLIMITED), _is_lost(J), _condition(singular))
+        np.append(freedom, _UNLIMITED), is_lost, condition)
 
 
 def _first_values(seen: Observations) -> FloatArray:
@@ -189,12 +186,10 @@ def _minimise(
     """Change `values` to the least squares."""
     n = len(noise)
     for _ in range(_STEPS):
-        J = _weighted_jacobian(seen, assumed, noise, values)
         r = np.concatenate([
             (_residual(seen, values) / noise).ravel(),
             np.nan_to_num(assumed - values[:n]) / TYPICAL_SCALE_ERROR])
-        basis, _, back = _decomposed(J)
-        step = back @ (basis.T @ r)
+        step = decomposed(_weighted_jacobian(seen, assumed, noise, values)).inverse @ r
         values += step
         if (np.abs(step) <= _CONVERGED * (1.0 + np.abs(values))).all():
             break
@@ -206,22 +201,6 @@ def _without_rounding(A: FloatArray) -> FloatArray:
     return np.where(norm > _ROUNDING * norm.max(initial=0.0), A, 0.0)
 
 
-def _decomposed(J: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return U, all singular values, and S V Σ⁻¹ of the determined part of J S = U Σ Vᵀ."""
-    scale = column_scale(J)
-    U, singular, Vt = np.linalg.svd(J * scale, full_matrices=False)
-    kept = singular > _SINGULAR * singular[0]
-    return U[:, kept], singular, scale[:, None] * Vt[kept].T / singular[kept]
-
-
-def _is_lost(J: FloatArray) -> BoolArray:
-    """Return which parameters J (m, p) does not determine, (p,)."""
-    scale = column_scale(J)
-    _, singular, Vt = np.linalg.svd(J * scale, full_matrices=True)
-    lost = Vt[(singular > _SINGULAR * singular[0]).sum():]
-    return np.asarray((scale == 0.0) | (np.abs(lost) > _LOST).any(axis=0))
-
-
 def linear_fit(A: FloatArray, covariance: FloatArray) -> tuple[FloatArray, BoolArray]:
     """
     Return G (p, m) of the least squares x = G b of A x = b, and which of x are not determined.
@@ -231,10 +210,5 @@ def linear_fit(A: FloatArray, covariance: FloatArray) -> tuple[FloatArray, BoolA
     A = _without_rounding(A)
     variance, axes = np.linalg.eigh(covariance)
     rows = axes.T / np.sqrt(np.maximum(variance, 1e-12 * variance[-1]))[:, None]
-    basis, _, back = _decomposed(rows @ A)
-    return np.asarray(back @ basis.T @ rows), _is_lost(rows @ A)
-
-
-def _condition(singular: FloatArray) -> float:
-    kept = singular[singular > _SINGULAR * singular[0]]
-    return float(kept[0] / kept[-1]) if kept.size else float('inf')
+    found = decomposed(rows @ A)
+    return np.asarray(found.inverse @ rows), found.is_lost

@@ -15,10 +15,11 @@ robots", J. Dynamic Systems, Measurement, and Control 136(5), 2014.
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import BoolArray, column_scale, FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics_tools.identification.friction_regressor import PAYLOAD, structure
 from robot_dynamics_tools.identification.qr_information import QrInformation
 from robot_dynamics_tools.identification.regularized_fit import Prior
+from robot_dynamics_tools.least_squares import decomposed
 
 LEAST_CERTAINTY = 5.0
 """Smallest ratio of 1/K to its standard deviation with which K counts as known."""
@@ -124,10 +125,9 @@ def _first_value(
     value, noise, by_masses = 0.0, np.inf, np.inf
     for _ in range(_ITERATIONS):
         A = np.vstack([X, sigma * np.eye(k)[k - unit_count:]])
-        scale = column_scale(A)
-        inverse = np.linalg.pinv(A * scale, rcond=1e-10)
-        x = scale * (inverse @ target)
-        value, noise = float(x[0]), sigma * float(np.linalg.norm(inverse[0]) * scale[0])
-        by_masses = abs(value) * scale[0] * float(np.linalg.norm(inverse[0, :len(y)] @ masses))
+        inverse = decomposed(A, 1e-10).inverse
+        x = inverse @ target
+        value, noise = float(x[0]), sigma * float(np.linalg.norm(inverse[0]))
+        by_masses = abs(value) * float(np.linalg.norm(inverse[0, :len(y)] @ masses))
         sigma = float(np.linalg.norm(X @ x - y)) * np.sqrt(samples / rows) + 1e-300
     return value, noise, by_masses

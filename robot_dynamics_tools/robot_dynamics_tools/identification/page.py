@@ -9,11 +9,9 @@ consistent set, which is written to the files, on the test samples with that of 
 URDF with friction.
 """
 
-from collections.abc import Sequence
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.model.regressor import body_names, inertial_parameters
 from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
@@ -113,10 +111,6 @@ def joint_verdict(name: str, urdf: float, simple: float, consistent: float) -> V
         REVERSALS if is_friction else RECORD)
 
 
-_INERTIA = ('kg·m²', 'kg')
-_JOINT_UNITS: dict[str, Sequence[str]] = {'Ia': _INERTIA, **{
-    field.heading: 2 * field.units for field in FRICTION_FIELDS if field.is_estimated}}
-"""Units of parameters of a joint, revolute and prismatic, by the first word of their names."""
 _CHANGE = 1e-3
 """Relative change of a mass [1] or of a centre of mass [mm] that is displayed as none."""
 
@@ -142,14 +136,12 @@ def identification_page(found: BagIdentification, origin: Origin) -> str:
         'the node to a single state.')
     page.section('Residual by the noise of the effort')
     page.table(summary.noise_rows(found))
-    page.section('Friction and rotors')
-    page.table(_friction_table(identification))
+    page.section(summary.FRICTION_TITLE)
+    page.table(summary.friction_rows(identification))
     page.text('docs/friction.md has the equations.')
     if identification.gains is not None:
-        rows = summary.gain_rows(identification, identification.gains)
-        head = (rows[0][0], 'gain K [effort at the joint / recorded effort]', *rows[0][2:])
-        page.section('Drive gains')
-        page.table([head, *rows[1:]])
+        page.section(summary.GAIN_TITLE)
+        page.table(summary.gain_rows(identification, identification.gains))
     page.section('Effort over time' + (
         f': the first of {len(found.bags)} recordings' if len(found.bags) > 1 else ''))
     shown = identification.recordings[0].shown
@@ -163,7 +155,8 @@ def identification_page(found: BagIdentification, origin: Origin) -> str:
         shown.measured - shown.model), 'Residual over velocity')
     page.section('Base parameters')
     page.table(parameter_rows(identification), kind='long')
-    page.text('By least squares without regularisation; * marks regrouped parameters.')
+    page.text('By least squares without regularisation; * marks regrouped parameters. Masses in kg, '
+              'first moments in kg·m, inertias in kg·m², others as in the table of friction.')
     return page.html()
 
 
@@ -212,43 +205,15 @@ def _point(point: FloatArray) -> str:
     return '-' if np.isnan(point).any() else ', '.join(f'{x + 0.0:.1f}' for x in point.round(1))
 
 
-def _friction_table(identification: Identification) -> Rows:
-    """Return friction and rotors with units in the headings."""
-    rows = summary.friction_rows(identification)
-    units: dict[str, Sequence[str]] = {'reflected inertia': _INERTIA, **{
-        field.heading: field.units for field in FRICTION_FIELDS if field.unit}}
-    kinds = set(identification.arm.joint_kinds)
-    return [tuple(
-        f'{heading} [{_of_kinds(units[heading], kinds)}]' if heading in units else heading
-        for heading in rows[0]), *rows[1:]]
-
-
-def _of_kinds(units: Sequence[str], kinds: set[str]) -> str:
-    """Return the unit for the kinds of the joints: (revolute, prismatic), or both."""
-    if 'prismatic' not in kinds:
-        return units[0]
-    return units[1] if kinds == {'prismatic'} else f'{units[0]} or {units[1]}'
-
-
 def parameter_rows(identification: Identification) -> Rows:
     """Return the base parameters and the joints' own parameters, with their deviations."""
-    estimate, base, arm = identification.estimate, identification.base, identification.arm
-    kinds = dict(zip(arm.joint_names, arm.joint_kinds))
-    rows: Rows = [('parameter', 'unit', 'value', 'deviation', 'relative', 'URDF', 'definition')]
+    estimate, base = identification.estimate, identification.base
+    rows: Rows = [('parameter', 'value', 'deviation', 'relative', 'URDF', 'definition')]
     for i, (name, relative) in enumerate(zip(estimate.names, estimate.relative_deviations)):
         is_base = i < estimate.base_count
         rows.append((
-            name, _unit(name, kinds), f'{estimate.values[i]:.4g}', f'{estimate.deviations[i]:.2g}',
+            name, f'{estimate.values[i]:.4g}', f'{estimate.deviations[i]:.2g}',
             percent(relative) if np.isfinite(relative) else '-',
             f'{estimate.prior[i]:.4g}' if is_base else '-',
             base.expressions[i] if is_base else 'of this joint'))
     return rows
-
-
-def _unit(name: str, kinds: dict[str, str]) -> str:
-    """Return the unit of a parameter such as 'mx(link1)*' or 'sigmoid 0.1(joint1)'."""
-    symbol, _, rest = name.partition('(')
-    word = symbol.partition(' ')[0]
-    if word in _JOINT_UNITS:
-        return _JOINT_UNITS[word][kinds.get(rest.rstrip('*)'), '') == 'prismatic']
-    return 'kg' if symbol == 'm' else 'kg·m' if symbol.startswith('m') else 'kg·m²'

@@ -24,7 +24,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics_tools.analysis.contradictions import corrected
 from robot_dynamics_tools.analysis.motion_filter import FilteredMotion
-from robot_dynamics_tools.analysis.sample_files import motion_columns
+from robot_dynamics_tools.analysis.sample_files import motion_columns, write_csv
 from robot_dynamics_tools.identification.model_selection import fit_models, FittedModels
 from robot_dynamics_tools.identification.qr_information import QrInformation
 from robot_dynamics_tools.identification.regression import model_effort, reduce_motion, train_count
@@ -258,7 +258,5 @@ def write_samples(
             continue
         same = f'_{number}' if names.count(name) > 1 else ''
         paths.append(directory / f'test_samples_{name}{same}.csv')
-        np.savetxt(
-            paths[-1], np.column_stack(list(table.values())), fmt='%.9g', delimiter=',',
-            header=','.join(table), comments='', encoding='utf-8')
+        write_csv(table, paths[-1])
     return paths

@@ -27,6 +27,8 @@ MODELS = {
     'urdf': 'URDF', 'urdf and friction': 'URDF + friction', 'base': 'base parameters',
     'consistent': 'consistent'}
 """The models that are compared, with their titles."""
+FRICTION_TITLE = 'Friction and rotors [N·m, rad, kg·m², or N, m, kg]'
+GAIN_TITLE = 'Drive gains [effort at the joint / recorded effort]'
 ILL_CONDITIONED = 100.0
 """Condition number above which base parameters are uncertain (a usual bound of excitation)."""
 LOST = 1.2

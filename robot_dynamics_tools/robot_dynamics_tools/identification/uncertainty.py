@@ -18,6 +18,7 @@ from robot_dynamics.model.base_parameters import BaseParameters
 from robot_dynamics_tools.identification.friction_regressor import COLUMN_NAMES, INERTIA
 from robot_dynamics_tools.identification.qr_information import QrInformation
 from robot_dynamics_tools.identification.regularized_fit import Prior, Problem
+from robot_dynamics_tools.least_squares import decomposed
 
 UNEXCITED = 1.0
 """
@@ -75,21 +76,16 @@ def estimate_parameters(
     for _ in range(4):
         A = np.concatenate([np.sqrt(weights[j]) * factors[j] @ blocks[j] for j in range(n)])
         b = np.concatenate([np.sqrt(weights[j]) * factors[j][:, -1] for j in range(n)])
-        scale = column_scale(A)
-        U, s, Vt = np.linalg.svd(A * scale, full_matrices=False)
-        kept = s > 1e-10 * s[0]
-        x = scale * (Vt[kept].T @ ((U[:, kept].T @ b) / s[kept]))
+        found = decomposed(A, 1e-10)
+        x = found.inverse @ b
         squares = np.array([
             float(np.sum((factors[j] @ (blocks[j] @ x) - factors[j][:, -1])**2))
             for j in range(n)])
         free = np.maximum(rows - samples * len(x) / n, 1.0)
         sigma = np.sqrt(np.maximum(squares / free, 1e-30))
         weights = np.where(is_measured, 1.0 / (sigma**2 * samples), 0.0)
-    inverse = np.where(kept, 1.0 / np.maximum(s, 1e-300), np.inf)
-    with np.errstate(invalid='ignore'):
-        variance = np.nansum((Vt.T * inverse)**2, axis=1)
-        deviations = np.where(scale > 0.0, scale * np.sqrt(variance), np.inf)
-    s_base = np.asarray(np.linalg.svd(A[:, :r] * scale[:r], compute_uv=False))
+    deviations = np.where(found.is_lost, np.inf, np.linalg.norm(found.back, axis=1))
+    s_base = np.linalg.svd(A[:, :r] * column_scale(A[:, :r]), compute_uv=False)
     size = _scale_of(base, prior, n)
     before = np.concatenate([
         base.matrix @ np.concatenate([prior.parameters, np.zeros(n)]), np.zeros(len(x) - r)])

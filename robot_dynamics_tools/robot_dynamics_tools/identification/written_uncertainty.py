@@ -23,7 +23,7 @@ that the covariance is also valid for an arm with another mounting.
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arrays import column_scale, FloatArray
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.effort_deviation import EffortDeviation, make_uncertainty
 from robot_dynamics.model.regressor import random_states
@@ -34,6 +34,7 @@ from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.pipeline import base_parameters_of, Identification
 from robot_dynamics_tools.identification.regularized_fit import bounded_problem
 from robot_dynamics_tools.identification.steps import EffortSeries
+from robot_dynamics_tools.least_squares import decomposed
 
 LARGEST_REGULARIZATION = 1.0
 POSES = 200
@@ -129,8 +130,7 @@ def parameter_covariance(identification: Identification) -> tuple[tuple[str, ...
             parameter = FRICTION_COLUMNS[column - p - 1].parameter
             names.append(f'{parameter.name}({arm.joint_names[j]})')
     # the friction of a joint without effort has no information, and its written values are 0
-    scale = column_scale(A)
-    inverse = scale[:, np.newaxis] * np.linalg.pinv(A * scale, rcond=1e-12)
+    inverse = decomposed(A, 1e-12).inverse
     fit = identification.models.consistent
     written = np.concatenate([fit.parameters, *(
         values[columns - p] for values, (columns, _) in zip(fit.joint_values, problem.own))])

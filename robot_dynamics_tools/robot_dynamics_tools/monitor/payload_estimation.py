@@ -11,11 +11,11 @@ whose derivative of the velocity is the acceleration (`monitoring.low_pass`).
 
 from collections import deque
 from dataclasses import replace
+import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.joints.angle_wrapping import nearest_turn
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.pseudo_inertia import NAMES
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, payload_to_ros
@@ -23,7 +23,7 @@ from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, Guar
 from robot_dynamics_interfaces.srv import EstimatePayload
 from robot_dynamics_tools.monitor.followed_model import Followed
 from robot_dynamics_tools.monitor.states import MeasuredState
-from robot_dynamics_tools.monitoring.low_pass import LowPass
+from robot_dynamics_tools.monitoring.low_pass import StateFilter
 from robot_dynamics_tools.payload_estimation import PayloadEstimate, PayloadEstimator
 from robot_dynamics_tools.payload_estimation.summary import headline
 
@@ -96,11 +96,8 @@ class _Run:
         self.others = others_than(link, model)
         self._arm = model.arm.with_payloads(self.others)
         self._estimator = PayloadEstimator(self._arm, link, CUTOFF)
-        self._filters = [LowPass(CUTOFF) for _ in range(3)]
-        self._stamp: int | None = None
-        self._position: FloatArray = np.zeros(0)
-        self._settled = self._since_used = 0.0
-        self._first_stamp = 0
+        self._filter = StateFilter(CUTOFF, self._arm.is_continuous)
+        self._stamp, self._first_stamp, self._since_used = -math.inf, 0, 0.0
         self._friction_cancels = True
 
     @property
@@ -121,50 +118,28 @@ class _Run:
         """Filter states, and add some of them to the estimator."""
         if samples and compensates_at_rest:
             self._friction_cancels = False
-        kept: list[tuple[float, list[FloatArray]]] = []
+        kept: list[tuple[float | FloatArray, ...]] = []
         for sample in samples:
-            if self._is_gap(sample):
+            dt, self._stamp = 1e-9 * (sample.stamp_ns - self._stamp), sample.stamp_ns
+            if sample.restart or not 0.0 < dt <= LONGEST_STEP:
                 self._flush(kept)
-                self._restart(sample)
-            filtered = self._filtered(sample)
-            if filtered is not None:
-                kept.append((1e-9 * (sample.stamp_ns - self._first_stamp), filtered))
+                self._filter.restart()
+                self._estimator.restart()
+                dt = self._since_used = 0.0
+                self._first_stamp = self._first_stamp or sample.stamp_ns
+            self._since_used += dt
+            effort = None if sample.effort is None else self._filter.update(
+                dt, sample.q, sample.v, sample.effort)
+            state = self._filter.state
+            if effort is not None and state is not None and self._since_used >= INTERVAL:
+                self._since_used = 0.0
+                kept.append((1e-9 * (sample.stamp_ns - self._first_stamp), *state, effort))
         self._flush(kept)
 
-    def _flush(self, kept: list[tuple[float, list[FloatArray]]]) -> None:
+    def _flush(self, kept: list[tuple[float | FloatArray, ...]]) -> None:
         if kept:
-            signals = (np.array(signal) for signal in zip(*(signals for _, signals in kept)))
-            self._estimator.add(np.array([t for t, _ in kept]), *signals)
+            self._estimator.add(*(np.array(signal) for signal in zip(*kept)))
             kept.clear()
-
-    def _is_gap(self, sample: MeasuredState) -> bool:
-        return self._stamp is None or bool(sample.restart) or not (
-            0.0 < 1e-9 * (sample.stamp_ns - self._stamp) <= LONGEST_STEP)
-
-    def _restart(self, sample: MeasuredState) -> None:
-        for one in self._filters:
-            one.restart()
-        self._estimator.restart()
-        self._stamp, self._position = sample.stamp_ns, sample.q
-        self._first_stamp = self._first_stamp or sample.stamp_ns
-        self._settled = self._since_used = 0.0
-
-    def _filtered(self, sample: MeasuredState) -> list[FloatArray] | None:
-        """Return position, velocity, acceleration and effort, None for a sample to skip."""
-        if sample.effort is None:
-            return None
-        dt = 1e-9 * (sample.stamp_ns - (self._stamp or sample.stamp_ns))
-        self._stamp = sample.stamp_ns
-        self._settled += dt
-        self._since_used += dt
-        self._position = nearest_turn(sample.q, self._position, self._arm.is_continuous)
-        position, velocity, torque = self._filters
-        q, v = position.update(self._position, dt), velocity.update(sample.v, dt)
-        tau = torque.update(sample.effort, dt, held=True)
-        if self._settled < velocity.settling_time or self._since_used < INTERVAL:
-            return None
-        self._since_used = 0.0
-        return [q, v, velocity.rate, tau]
 
 
 class PayloadEstimation:

@@ -16,11 +16,14 @@ section 6.5.2 (second-order systems), here with the damping ratio 1/√2.
 import math
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.joints.angle_wrapping import nearest_turn
 from robot_dynamics.validation import check_scalar
 
 SETTLING_TIME = 7.0
 """[1/ω] after which the effect of the initial state is below 1 %."""
+_HELD = np.array([[False], [False], [True]])
+"""Of position, velocity and effort: what a drive holds."""
 
 
 class LowPass:
@@ -48,7 +51,9 @@ class LowPass:
         """Reset the filter; the next sample is a first one."""
         self.value = None
 
-    def update(self, sample: FloatArray, dt: float, held: bool = False) -> FloatArray:
+    def update(
+        self, sample: FloatArray, dt: float, held: bool | BoolArray = False,
+    ) -> FloatArray:
         """
         Return y at a sample dt [s] after the previous one; the first sample is a steady state.
 
@@ -59,7 +64,7 @@ class LowPass:
             self.value, self.rate = sample.copy(), np.zeros_like(sample)
             self._sample = sample
             return self.value
-        before = sample if held else self._sample
+        before = np.where(held, sample, self._sample)
         slope = (sample - before) / dt
         lag = math.sqrt(2.0) / self.omega
         # The steady response to a straight line is the same line, √2/ω late; the rest decays.
@@ -70,3 +75,40 @@ class LowPass:
         self.rate = slope + decay * ((c - s) * rate - 2.0 * d * s * y)
         self._sample = sample
         return self.value
+
+
+class StateFilter:
+    """One filter for position, velocity and effort of an arm, and its acceleration."""
+
+    def __init__(self, cutoff: float, is_continuous: BoolArray) -> None:
+        """`cutoff` [Hz] > 0, `is_continuous` (n,); raises InvalidInputError."""
+        self.low_pass, self._is_continuous = LowPass(cutoff), is_continuous
+        self.restart()
+
+    def restart(self) -> None:
+        """Reset the filter; the next state is a first one."""
+        self.low_pass.restart()
+        self._last: FloatArray | None = None
+        self._settled = 0.0
+
+    @property
+    def state(self) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """The filtered position, velocity and acceleration, each (n,); None before a state."""
+        value, rate = self.low_pass.value, self.low_pass.rate
+        return None if value is None else (value[0], value[1], rate[1])
+
+    def update(
+        self, dt: float, q: FloatArray, v: FloatArray, effort: FloatArray,
+    ) -> FloatArray | None:
+        """
+        Return the filtered effort (n,) at a state dt [s] after the previous one.
+
+        Steps of whole turns of the position are removed. Returns None until the filter has
+        settled, `LowPass.settling_time` after the first state.
+        """
+        if self._last is not None:
+            self._settled += dt
+            q = nearest_turn(q, self._last, self._is_continuous)
+        self._last = q
+        found = self.low_pass.update(np.stack([q, v, effort]), dt, _HELD)
+        return None if self._settled < self.low_pass.settling_time else found[2]

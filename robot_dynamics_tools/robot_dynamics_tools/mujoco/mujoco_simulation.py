@@ -30,19 +30,19 @@ BRAKE_INERTIA = 1e6
 OF_JOINT = 'expected the name of a hinge or slide joint of the MJCF'
 
 
-def load_mjcf(path: str | Path, field: str = 'mjcf') -> Any:
+def load_mjcf(path: str | Path) -> Any:
     """
-    Return the `mujoco.MjModel` of an MJCF file; `field` names it in errors.
+    Return the `mujoco.MjModel` of an MJCF file.
 
     Raises ModelError if the file cannot be compiled, MissingDependencyError without MuJoCo.
     """
     mujoco = _mujoco()
     if not Path(path).is_file():
-        raise ModelError(f'{field} is {str(path)!r}, which is no such file; expected an MJCF file')
+        raise ModelError(f'mjcf is {str(path)!r}, which is no such file; expected an MJCF file')
     try:
         return mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, mujoco.FatalError) as error:
-        raise ModelError(f'{field}: MuJoCo rejects {str(path)!r}: {error}') from None
+        raise ModelError(f'mjcf: MuJoCo rejects {str(path)!r}: {error}') from None
 
 
 def model_of_mjcf(xml: str) -> Any:

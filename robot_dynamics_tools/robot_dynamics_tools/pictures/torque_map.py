@@ -23,8 +23,6 @@ UPRIGHT = ' (q\xa0=\xa00:\xa0upright)'
 """Part of the title, which is not wrapped within."""
 LIMIT_WIDTH = 2.4
 """Width of the contour of the limit [points]."""
-CLEARANCE = 0.045
-"""Smallest distance of a label from lines and edges, as a fraction of the map."""
 _POSE_SIZE = 0.95
 """Of the room that a pose has, when the arm is stretched."""
 
@@ -72,17 +70,12 @@ def map_figure(
         axes = figure.subplots(rows, columns, squeeze=False).ravel()
         for one in axes[len(panels):]:
             one.set_visible(False)
-        contours = []
         for one, panel in zip(axes, panels):
-            contours.append(_draw_map(figure, one, grid, panel))
+            _draw_map(figure, one, grid, panel)
             _label_axes(one, arm, grid)
             _draw_poses(one, arm, grid, poses)
         if notes:
             figure.supxlabel('\n'.join(notes), fontsize=10)
-        figure.draw_without_rendering()  # determines the final places of the axes
-        for one, panel, lines in zip(axes, panels, contours):
-            if lines is not None:
-                _label_contours(one, grid, panel, lines)
     return figure
 
 
@@ -98,8 +91,8 @@ def even_poses(grid: PositionGrid, count: int) -> FloatArray:
     return np.array([(one, other) for other in y for one in x]).reshape(-1, 2)
 
 
-def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> Any:
-    """Draw the values and the limit; return the contours of matplotlib, None of a flat map."""
+def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> None:
+    """Draw the values and the limit."""
     values, largest = panel.values, max(float(np.abs(panel.values).max()), 1e-9)
     low = -largest if panel.signed else 0.0
     image = axes.pcolormesh(
@@ -110,8 +103,9 @@ def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> An
     bar.set_label(f'[{panel.unit}]')
     bar.outline.set_visible(False)
     axes.grid(False)
-    lines = None if not _varies(panel) else axes.contour(
-        grid.x, grid.y, values, levels=7, colors=figures.BLACK, linewidths=0.7, alpha=0.6)
+    if _varies(panel):
+        bar.add_lines(axes.contour(
+            grid.x, grid.y, values, levels=7, colors=figures.BLACK, linewidths=0.7, alpha=0.6))
     reached = largest > panel.limit
     if reached:
         size = np.abs(values)
@@ -127,35 +121,6 @@ def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> An
         f'hatched: beyond the limit, {panel.limit:g} {panel.unit}' if reached else
         f'within the limit of {panel.limit:g} {panel.unit} everywhere')
     figures.title_axes(axes, panel.title, note)
-    return lines
-
-
-def _label_contours(axes: Any, grid: PositionGrid, panel: MapPanel, lines: Any) -> None:
-    """Label each contour where it is far from other lines, the hatched area and the edges."""
-    to_axes = axes.transData - axes.transAxes
-    contours = [
-        to_axes.transform(line) for level in lines.allsegs for line in level if len(line)]
-    hatched = np.argwhere(np.abs(panel.values) > panel.limit)
-    obstacles = to_axes.transform(np.vstack([
-        np.column_stack([grid.x[hatched[:, 1]], grid.y[hatched[:, 0]]]),
-        *(_along(line.get_xydata()) for line in axes.lines)]))
-    places = []
-    for k, contour in enumerate(contours):
-        others = np.vstack([np.full((1, 2), -1.0), *contours[:k], *contours[k + 1:]])
-        apart = np.array([  # a label lies along its contour: neighbours may be nearer
-            min(2.0 * np.linalg.norm(others - point, axis=1).min(), point.min(),
-                np.linalg.norm(obstacles - point, axis=1).min(), 1.0 - point.max())
-            for point in contour])
-        if apart.max() > CLEARANCE:
-            places.append(to_axes.inverted().transform(contour[int(apart.argmax())]))
-    axes.clabel(lines, manual=places, colors=figures.BLACK, fontsize=9, zorder=2.5)
-
-
-def _along(points: FloatArray) -> FloatArray:
-    """Return ten points (10 (m - 1), 2) along each line between points (m, 2)."""
-    share = np.linspace(0.0, 1.0, 10)[:, None]
-    return np.vstack([np.zeros((0, 2)), *(
-        (1.0 - share) * start + share * end for start, end in zip(points, points[1:]))])
 
 
 def _label_axes(axes: Any, arm: ArmModel, grid: PositionGrid) -> None:

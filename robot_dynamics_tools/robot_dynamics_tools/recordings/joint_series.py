@@ -11,7 +11,7 @@ from robot_dynamics.arrays import BoolArray, FloatArray, IntArray, NANOSECONDS_P
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.angle_wrapping import unwrapped
 from robot_dynamics.validation import LARGEST_VALUE
-from robot_dynamics_tools.recordings.messages import FIELDS, JointStateBlock
+from robot_dynamics_tools.recordings.messages import FIELDS, RecordedState
 from robot_dynamics_tools.recordings.sample_faults import (
     advancing_and_repeated,
     gaps_between,
@@ -123,26 +123,29 @@ class RecordedJointStates:
 
     source: str
     times_ns: IntArray
-    blocks: tuple[JointStateBlock, ...]
+    states: tuple[RecordedState, ...]
     unreadable: int
+
+    @property
+    def layouts(self) -> tuple[tuple[str, ...], ...]:
+        """The names of joints that occur in one message, in the order of the first message."""
+        return tuple(dict.fromkeys(state.joint_names for state in self.states))
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Every joint that a message names, in the order of their first mention."""
-        blocks = sorted(self.blocks, key=lambda block: int(block.rows[0]))
-        return tuple(dict.fromkeys(name for block in blocks for name in block.joint_names))
+        return tuple(dict.fromkeys(name for layout in self.layouts for name in layout))
 
     def together(self, joint_names: Sequence[str]) -> tuple[str, ...]:
         """Return the largest set of these joints that one message contains, in this order."""
-        sets = [tuple(name for name in joint_names if name in block.joint_names)
-                for block in self.blocks]
+        sets = [tuple(name for name in joint_names if name in layout) for layout in self.layouts]
         return max(sets, key=len, default=())
 
     def renamed(self, names: Mapping[str, str]) -> 'RecordedJointStates':
         """Return the same with other names for some joints, {recorded: new}."""
-        return replace(self, blocks=tuple(
-            block._replace(joint_names=tuple(names.get(name, name) for name in block.joint_names))
-            for block in self.blocks))
+        return replace(self, states=tuple(
+            state._replace(joint_names=tuple(names.get(name, name) for name in state.joint_names))
+            for state in self.states))
 
     def series(self, joint_names: Sequence[str] = ()) -> JointSeries:
         """
@@ -151,21 +154,22 @@ class RecordedJointStates:
         Times are the header stamps, or the recording times if all stamps are zero. Raises
         RecordingError if no message has these joints, or a complete sample of them.
         """
-        blocks = sorted(self.blocks, key=lambda block: int(block.rows[0]))
-        names = tuple(joint_names or (blocks[0].joint_names if blocks else ()))
-        fitting = [block for block in blocks if names and set(names) <= set(block.joint_names)]
-        if not fitting:
+        names = tuple(joint_names or next(iter(self.layouts), ()))
+        places = {layout: np.array([layout.index(name) for name in names])
+                  for layout in self.layouts if names and set(names) <= set(layout)}
+        states = [state for state in self.states if state.joint_names in places]
+        if not states:
             raise RecordingError(
                 f'{self.source} has no message with all of the joints {list(names)}; '
                 f'it has {sorted(self.joint_names)}')
-        rows = np.concatenate([block.rows for block in fitting])
-        order = np.argsort(rows)
-        rows = rows[order]
-        stamps = np.concatenate([block.stamps_ns for block in fitting])[order]
+        stamps = np.array([state.stamp_ns for state in states], dtype=np.int64)
         arrival_times = not stamps.any()
         if arrival_times:
-            stamps = self.times_ns[rows]
-        columns = {f: _column(fitting, f, names)[order] for f in FIELDS}
+            stamps = self.times_ns[[state.row for state in states]]
+        nothing = np.full(len(names), np.nan)
+        columns = {field: np.array([
+            state.values[field][places[state.joint_names]] if field in state.values else nothing
+            for state in states], dtype=np.float64) for field in FIELDS}
         return self._kept(names, stamps, columns, arrival_times)
 
     def _kept(
@@ -208,14 +212,3 @@ class RecordedJointStates:
         return JointSeries(
             names, kept, chosen('position'), chosen('velocity'), chosen('effort'),
             count - len(kept), faults)
-
-
-def _column(blocks: Sequence[JointStateBlock], name: str, joints: Sequence[str]) -> FloatArray:
-    """Return a field of the joints, (m, n), with NaN where messages do not have it."""
-    parts = []
-    for block in blocks:
-        values: FloatArray | None = getattr(block, name)
-        index = [block.joint_names.index(joint) for joint in joints]
-        parts.append(np.full((len(block.rows), len(joints)), np.nan) if values is None
-                     else values[:, index])
-    return np.concatenate(parts)

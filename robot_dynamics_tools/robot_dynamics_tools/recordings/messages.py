@@ -1,12 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Many messages of one kind at once, by the library `rosbags`; those written are plain CDR.
-
-Joint states are grouped by joint names: messages of one publisher have the same names and fields,
-so that their numbers stack into arrays.
-"""
+"""Messages of recordings, decoded and written by the library `rosbags`, as plain CDR."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
@@ -21,23 +16,20 @@ FIELDS = ('position', 'velocity', 'effort')
 _TERMS = ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort')
 
 
-class JointStateBlock(NamedTuple):
+class RecordedState(NamedTuple):
     """
-    A block of k messages with the same n joints and the same fields.
+    One message with n joints: its index among all messages, and its header stamp.
 
-    `rows` (k,) are their indices among all messages, `stamps_ns` (k,) their header stamps. Each
-    other field is (k, n), or None if the messages do not have one value for each joint.
+    `values` has an array (n,) by field, for the fields with one value for each joint.
     """
 
-    rows: IntArray
+    row: int
     joint_names: tuple[str, ...]
-    stamps_ns: IntArray
-    position: FloatArray | None
-    velocity: FloatArray | None
-    effort: FloatArray | None
+    stamp_ns: int
+    values: dict[str, FloatArray]
 
 
-def decode_joint_states(messages: Sequence[bytes]) -> tuple[tuple[JointStateBlock, ...], int]:
+def decode_joint_states(messages: Sequence[bytes]) -> tuple[tuple[RecordedState, ...], int]:
     """
     Return the serialized messages of sensor_msgs/msg/JointState, and how many cannot be read.
 
@@ -45,32 +37,18 @@ def decode_joint_states(messages: Sequence[bytes]) -> tuple[tuple[JointStateBloc
     """
     decode = common_types().deserialize_cdr
     serde_error = optional('rosbags.serde', 'a recording').SerdeError
-    groups: dict[tuple[tuple[str, ...], tuple[bool, ...]], list[tuple[int, int, list[Any]]]] = {}
-    unreadable = 0
+    states = []
     for row, data in enumerate(messages):
         try:
             message = decode(data, JOINT_STATE)
         except serde_error:
-            unreadable += 1
             continue
-        names = tuple(message.name)
-        values = [message.position, message.velocity, message.effort]
-        is_whole = tuple(len(names) == len(numbers) > 0 for numbers in values)
-        stamp = message.header.stamp
-        stamp_ns = stamp.sec * NANOSECONDS_PER_SECOND + stamp.nanosec
-        groups.setdefault((names, is_whole), []).append((row, stamp_ns, values))
-    return tuple(_block(*layout, group) for layout, group in groups.items()), unreadable
-
-
-def _block(
-    names: tuple[str, ...], is_whole: tuple[bool, ...], group: list[tuple[int, int, list[Any]]],
-) -> JointStateBlock:
-    rows, stamps, values = zip(*group)
-    columns = [
-        np.array(numbers, dtype=np.float64) if whole else None
-        for whole, numbers in zip(is_whole, zip(*values))]
-    return JointStateBlock(
-        np.array(rows, dtype=np.intp), names, np.array(stamps, dtype=np.int64), *columns)
+        names, stamp = tuple(message.name), message.header.stamp
+        values = {field: getattr(message, field) for field in FIELDS}
+        states.append(RecordedState(
+            row, names, stamp.sec * NANOSECONDS_PER_SECOND + stamp.nanosec,
+            {field: v for field, v in values.items() if len(names) == len(v) > 0}))
+    return tuple(states), len(messages) - len(states)
 
 
 def joint_state_messages(

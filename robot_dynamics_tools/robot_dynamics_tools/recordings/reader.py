@@ -10,7 +10,7 @@ error. `writer` writes recordings.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, closing, ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -24,6 +24,7 @@ from robot_dynamics_tools.recordings.joint_series import JointSeries, RecordedJo
 from robot_dynamics_tools.recordings.messages import decode_joint_states
 from robot_dynamics_tools.recordings.storage import StoredFile
 from robot_dynamics_tools.recordings.topics import (
+    check_type,
     common_types,
     JOINT_STATE,
     RecordedTopic,
@@ -49,25 +50,19 @@ class Recording(AbstractContextManager['Recording']):
         about = recording_files(path)
         self.notes: list[str] = list(about.notes)
         self._stated = about.stated
-        self._stack = ExitStack()
-        self._files: list[StoredFile] = []
         self._compared: set[str] = set()
-        try:
-            scratch = Path(self._stack.enter_context(TemporaryDirectory()))
-            for file in about.paths:
-                stored = StoredFile(file, scratch)
-                self._stack.callback(stored.close)
-                self._files.append(stored)
-        except OSError as error:
-            self._stack.close()
-            raise self._unreadable(str(error)) from error
-        except BaseException:
-            self._stack.close()
-            raise
+        with ExitStack() as stack:
+            try:
+                scratch = Path(stack.enter_context(TemporaryDirectory()))
+                self._files = [
+                    stack.enter_context(closing(StoredFile(file, scratch)))
+                    for file in about.paths]
+            except OSError as error:
+                raise self._unreadable(str(error)) from error
+            if not any(stored.topics for stored in self._files):
+                raise self._unreadable('no topics')
+            self._stack = stack.pop_all()
         self.notes += [note for stored in self._files for note in stored.notes]
-        if not any(stored.topics for stored in self._files):
-            self._stack.close()
-            raise self._unreadable('no topics')
 
     def __repr__(self) -> str:
         messages = sum(topic.message_count for topic in self.topics)
@@ -123,10 +118,7 @@ class Recording(AbstractContextManager['Recording']):
         decoded; `raw_messages` returns messages of any type.
         """
         kind, types = self.topic(topic).message_type, common_types()
-        if kind not in types.fielddefs:
-            raise RecordingError(
-                f'topic {topic!r} has type {kind!r}, expected a type of the common packages of '
-                'ROS 2 Jazzy, or DynamicsTerms')
+        check_type(topic, kind)
         serde_error = optional('rosbags.serde', 'a recording').SerdeError
         for time_ns, data in self.raw_messages(topic):
             try:

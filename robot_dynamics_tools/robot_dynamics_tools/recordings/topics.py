@@ -7,6 +7,7 @@ import functools
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from robot_dynamics.dependencies import optional
+from robot_dynamics.exceptions import RecordingError
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -57,6 +58,14 @@ def common_types() -> Any:
     types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     types.register(typesys.get_types_from_msg(DYNAMICS_TERMS_TEXT, DYNAMICS_TERMS))
     return types
+
+
+def check_type(topic: str, message_type: str) -> None:
+    """Raise RecordingError if messages of this type cannot be decoded."""
+    if message_type not in common_types().fielddefs:
+        raise RecordingError(
+            f'topic {topic!r} has type {message_type!r}, expected a type of the common packages '
+            'of ROS 2 Jazzy, or DynamicsTerms')
 
 
 def qos_to_rosbags(qos: TopicQos) -> Any:

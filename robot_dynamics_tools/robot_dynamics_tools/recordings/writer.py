@@ -8,7 +8,6 @@ Messages are written as the bytes that were received, with the definitions of th
 not re-encoded, and any reader can decode them.
 """
 
-from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -17,8 +16,8 @@ from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics_tools.recordings.interrupts import uninterrupted
 from robot_dynamics_tools.recordings.topics import (
-    DYNAMICS_TERMS,
-    DYNAMICS_TERMS_TEXT,
+    check_type,
+    common_types,
     qos_to_rosbags,
     TopicQos,
 )
@@ -32,21 +31,15 @@ class RecordingWriter(AbstractContextManager['RecordingWriter']):
     an exception.
     """
 
-    def __init__(self, directory: Path, definitions: Mapping[str, str] | None = None) -> None:
+    def __init__(self, directory: Path) -> None:
         """
         Create `directory`.
 
-        `definitions` are the texts of message types beyond those of ROS 2 Jazzy's common
-        packages and DynamicsTerms, by name, for example {'my_msgs/msg/Pair': 'float64 a'}. Raises
-        RecordingError if the directory exists or cannot be made, MissingDependencyError without
-        `rosbags`.
+        Raises RecordingError if the directory exists or cannot be made, MissingDependencyError
+        without `rosbags`.
         """
         rosbag2 = optional('rosbags.rosbag2', 'a recording')
-        typesys = optional('rosbags.typesys', 'a recording')
         self.directory = directory
-        self._types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-        for name, text in {DYNAMICS_TERMS: DYNAMICS_TERMS_TEXT, **(definitions or {})}.items():
-            self._types.register(typesys.get_types_from_msg(text, name))
         self._connections: dict[str, Any] = {}
         try:
             self._writer = rosbag2.Writer(
@@ -58,13 +51,10 @@ class RecordingWriter(AbstractContextManager['RecordingWriter']):
         self._open = True
 
     def add_topic(self, name: str, message_type: str, qos: TopicQos | None = None) -> None:
-        """Announce a topic; raise RecordingError for a type whose definition is not known."""
-        if message_type not in self._types.fielddefs:
-            raise RecordingError(
-                f'topic {name!r} has type {message_type!r}, expected a type of the common '
-                'packages of ROS 2 Jazzy, or one whose definition was given')
+        """Announce a topic; raise RecordingError for a type that `common_types` does not have."""
+        check_type(name, message_type)
         self._connections[name] = self._writer.add_connection(
-            name, message_type, typestore=self._types,
+            name, message_type, typestore=common_types(),
             offered_qos_profiles=[qos_to_rosbags(qos or TopicQos())])
 
     def write(self, topic: str, time_ns: int, data: bytes) -> None:

@@ -23,7 +23,6 @@ from robot_dynamics.tools.command_line import INTERRUPTED, ToolError
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools.reporting.progress import Progress
-from robot_dynamics_tools.ros2_dynamics.action_goal import action_goal
 from robot_dynamics_tools.ros2_dynamics.answers import Answer, Units
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.joint_arguments import joint_values
@@ -246,15 +245,12 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
         limits = {name: joint.velocity_limit for name, joint in joints.items()}
         duration = _duration(
             arguments, names, limits, watch.error(goal, watch.measured()))
-        with action_goal(client) as action:
+        with goal_publication(client, names) as publish:
             try:
-                if action is not None:
-                    action.send(goal_message(names, goal, duration))
-                    if not arguments.no_wait:
-                        with Progress(duration, 's') as progress:
-                            action.wait_end(progress.update)
-                else:
-                    _move_by_topic(client, watch, names, goal, duration, arguments.no_wait)
+                watch.wait_taken(goal, lambda: publish(goal, duration))
+                if not arguments.no_wait:
+                    with Progress(duration, 's') as progress:
+                        watch.wait_end(goal, progress.update)
             except KeyboardInterrupt:
                 report = client.call(Trigger, 'stop', Trigger.Request()).message
                 return Answer(
@@ -306,18 +302,6 @@ def _reached(
         + (f'\n{shortfall}' if shortfall else ''), 1 if shortfall else 0)
 
 
-def _move_by_topic(
-    client: DynamicsClient, watch: MotionWatch, names: Sequence[str], goal: Sequence[float],
-    duration: float, no_wait: bool,
-) -> None:
-    """Move without the action; raise ToolError, NoAnswerError."""
-    with goal_publication(client, names) as publish:
-        watch.wait_taken(goal, lambda: publish(goal, duration))
-        if not no_wait:
-            with Progress(duration, 's') as progress:
-                watch.wait_end(goal, progress.update)
-
-
 def _duration(
     arguments: Namespace, names: Sequence[str], limits: Mapping[str, float],
     distance: 'np.ndarray[Any, Any]',
@@ -339,13 +323,6 @@ def _duration(
     return max(seconds, UNLIMITED_DURATION) if is_unlimited else seconds
 
 
-def goal_message(
-    names: Sequence[str], goal: Sequence[float], duration: float,
-) -> JointTrajectory:
-    """Return the message of a goal at rest and a duration [s]."""
-    return trajectory_to_ros(make_trajectory(names, [duration], [goal]))
-
-
 @contextmanager
 def goal_publication(
     client: DynamicsClient, names: Sequence[str],
@@ -358,7 +335,8 @@ def goal_publication(
     the node.
     """
     with publication(client, JointTrajectory, '~/joint_trajectory') as publish:
-        yield lambda goal, duration: publish(goal_message(names, goal, duration))
+        yield lambda goal, duration: publish(
+            trajectory_to_ros(make_trajectory(names, [duration], [goal])))
 
 
 @contextmanager

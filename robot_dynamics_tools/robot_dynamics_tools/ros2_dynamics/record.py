@@ -20,7 +20,7 @@ from robot_dynamics.validation import check_scalar
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from robot_dynamics_tools.recorder import Recorder, TopicSpec, write_description
 from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm
-from robot_dynamics_tools.recordings.topics import common_types, TopicQos
+from robot_dynamics_tools.recordings.topics import check_type, TopicQos
 from robot_dynamics_tools.recordings.writer import RecordingWriter
 from robot_dynamics_tools.reporting.text_table import text_table
 from robot_dynamics_tools.ros2_dynamics.answers import Answer
@@ -113,7 +113,7 @@ def topic_specs(client: DynamicsClient, topics: Sequence[str]) -> list[TopicSpec
 
 
 def _published_type(client: DynamicsClient, name: str) -> type:
-    """Return the message class of a topic; raise InvalidInputError."""
+    """Return the message class of a topic; raise InvalidInputError, RecordingError."""
     def kinds() -> list[str]:
         return list(dict(client.node.get_topic_names_and_types()).get(name, ()))
 
@@ -125,10 +125,7 @@ def _published_type(client: DynamicsClient, name: str) -> type:
         raise InvalidInputError(
             f'TOPIC is {name!r} of the types {", ".join(kinds())}, expected one type')
     package, _, message = kinds()[0].split('/')
-    if kinds()[0] not in common_types().fielddefs:
-        raise InvalidInputError(
-            f'TOPIC is {name!r} of type {kinds()[0]!r}, expected a type of the common packages of '
-            'ROS 2 Jazzy, or DynamicsTerms')
+    check_type(name, kinds()[0])
     try:
         found: type = getattr(importlib.import_module(f'{package}.msg'), message)
     except (ImportError, AttributeError):

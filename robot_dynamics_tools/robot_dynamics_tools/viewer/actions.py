@@ -18,7 +18,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.ros.middleware.conversions import payload_to_ros, trajectory_to_ros
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
-from robot_dynamics_tools.excitation.demo_motion import PEAK_ACCELERATION, PEAK_VELOCITY
+from robot_dynamics_tools.excitation.demo_motion import rest_to_rest_seconds
 from robot_dynamics_tools.viewer.node import ViewerNode
 from robot_dynamics_tools.viewer.panel import ArmPanel
 from robot_dynamics_tools.viewer.scene import ArmScene
@@ -30,8 +30,6 @@ LOAD_TIME = 0.5
 """Transition time [s] of a load: the arm hardly moves if one node gets it later."""
 DENSITY = 2000.0
 """Density [kg/m^3] of the ball that represents a load."""
-SHORTEST_MOTION = 0.5
-"""[s]"""
 RISE_TIME = 0.25
 """Shortest time [s] in which a joint reaches its speed."""
 UNLIMITED_SPEED = {'prismatic': 0.25}
@@ -169,13 +167,11 @@ def motion_time(
     """
     default = np.array([UNLIMITED_SPEED.get(kind, 1.0) for kind in arm.joint_kinds])
     limit = arm.limits.velocity
-    fastest = speed * np.where(np.isfinite(limit) & (limit > 0.0), limit, default)
-    way = np.abs(np.where(
-        arm.is_continuous, wrap_to_pi(goal - q), goal - q))
-    return float(max(
-        SHORTEST_MOTION, (PEAK_VELOCITY * way / fastest).max(),
-        np.sqrt(PEAK_ACCELERATION * way * RISE_TIME / fastest).max(),
-        0.0 if v is None else (_STOPPING * np.abs(v) * RISE_TIME / fastest).max()))
+    fastest = speed * np.where(np.isfinite(limit), limit, default)
+    way = np.where(arm.is_continuous, wrap_to_pi(goal - q), goal - q)
+    return max(
+        rest_to_rest_seconds(way, fastest, fastest / RISE_TIME),
+        0.0 if v is None else float((_STOPPING * np.abs(v) * RISE_TIME / fastest).max()))
 
 
 def reference_to(arm: ArmModel, goal: FloatArray, seconds: float, sender: str) -> JointTrajectory:

@@ -23,9 +23,10 @@ from typing import NoReturn
 from robot_dynamics.dependencies import require_ros
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.tools.command_line import DONE, FAILED, Parser, run_tool
-from robot_dynamics_tools.options import add_robot
+from robot_dynamics_tools.options import add_robot, number_in
 
 DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8080
+PORT_NUMBER = number_in(0, 65535, int)
 AT = 'viewer: open'
 PAGE_OPEN = 'viewer: a page is open'
 
@@ -44,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='Address at which the page is served (default: %(default)s, this computer only). Any '
              'client with the token can move the arm')
     parser.add_argument(
-        '--port', type=port_number, default=DEFAULT_PORT, metavar='N',
+        '--port', type=PORT_NUMBER, default=DEFAULT_PORT, metavar='N',
         help='Port of the page; 0 for any free port (default: %(default)s)')
     parser.add_argument(
         '--token', type=token_text, metavar='TEXT',
@@ -69,13 +70,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     split = given.index('--ros-args') if '--ros-args' in given else len(given)
     arguments = parser.parse_args(given[:split])
     return run_tool('viewer', partial(_run, arguments, given[split:]), rejected=FAILED)
-
-
-def port_number(text: str) -> int:
-    """Return the port of an argument; raise ArgumentTypeError if it is invalid."""
-    if not text.isdecimal() or int(text) > 65535:
-        raise argparse.ArgumentTypeError(f'{text!r}, expected a number from 0 to 65535')
-    return int(text)
 
 
 def token_text(text: str) -> str:

@@ -50,36 +50,32 @@ def serialized(state, little_endian=True):
 @settings(deadline=None, derandomize=True, max_examples=50)
 @given(st.lists(states(), max_size=6), st.booleans())
 def test_what_was_serialized_is_read(messages, little_endian):
-    blocks, unreadable = decode_joint_states([serialized(m, little_endian) for m in messages])
+    read, unreadable = decode_joint_states([serialized(m, little_endian) for m in messages])
     assert unreadable == 0
-    seen = 0
-    for block in blocks:
-        for i, row in enumerate(block.rows.tolist()):
-            sec, nanosec, _, names, arrays = messages[row]
-            assert block.stamps_ns[i] == 10**9 * sec + nanosec
-            assert list(block.joint_names) == names
-            for values, given_ in zip((block.position, block.velocity, block.effort), arrays):
-                if names and len(given_) == len(names):
-                    assert values[i].tolist() == given_
-                else:
-                    assert values is None
-            seen += 1
-    assert seen == len(messages)
+    assert [state.row for state in read] == list(range(len(messages)))
+    for state, (sec, nanosec, _, names, arrays) in zip(read, messages):
+        assert state.stamp_ns == 10**9 * sec + nanosec
+        assert list(state.joint_names) == names
+        given_ = dict(zip(('position', 'velocity', 'effort'), arrays))
+        assert {field: values.tolist() for field, values in state.values.items()} == {
+            field: values for field, values in given_.items()
+            if names and len(values) == len(names)}
 
 
-def test_one_layout_is_one_block_and_order_is_kept():
+def test_messages_of_other_joints_are_skipped_and_order_is_kept():
     stamps = np.arange(1, 1001, dtype=np.int64)
     values = np.random.default_rng(0).normal(size=(1000, 3))
     messages = joint_state_messages(stamps, 'abc', values, None, -values)
     others = joint_state_messages(stamps, 'xy', values[:, :2])
     mixed = [message for pair in zip(messages, others) for message in pair]
-    blocks, _ = decode_joint_states(mixed)
-    assert [len(block.rows) for block in blocks] == [1000, 1000]
-    arm = next(block for block in blocks if len(block.joint_names) == 3)
-    np.testing.assert_array_equal(arm.rows, np.arange(0, 2000, 2))
+    recorded_ = RecordedJointStates('a test', np.arange(2000), *decode_joint_states(mixed))
+    arm = recorded_.series('abc')
+    np.testing.assert_array_equal(arm.stamps_ns, stamps)
     np.testing.assert_array_equal(arm.position, values)
     np.testing.assert_array_equal(arm.effort, -values)
     assert arm.velocity is None
+    assert arm.faults.other_joints == 1000
+    assert recorded_.series('yx').effort is None
 
 
 def test_what_is_written_is_what_rosbags_writes():
@@ -99,9 +95,8 @@ def test_bytes_of_any_kind_are_counted_or_read(state, data):
     at = data.draw(st.integers(0, len(whole)))
     noise = data.draw(st.binary(max_size=12))
     damaged = [whole[:at], whole[:at] + noise + whole[at + len(noise):], noise, b'']
-    blocks, unreadable = decode_joint_states(damaged)
-    read = sum(len(block.rows) for block in blocks)
-    assert read + unreadable == len(damaged)
+    read, unreadable = decode_joint_states(damaged)
+    assert len(read) + unreadable == len(damaged)
 
 
 def test_padding_may_be_anything():
@@ -110,8 +105,8 @@ def test_padding_may_be_anything():
     padding = message.index(b'ab\0') + 3
     assert message[padding] == 0
     other[padding] = 77
-    blocks, _ = decode_joint_states([bytes(message), bytes(other)])
-    assert [len(block.rows) for block in blocks] == [2]
+    read, _ = decode_joint_states([bytes(message), bytes(other)])
+    assert len(read) == 2
 
 
 # --- selection of samples ------------------------------------------------------------------------

@@ -13,18 +13,19 @@ import pytest
 from recordings import serialized
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics_tools.recordings.joint_series import JointSeries
-from robot_dynamics_tools.recordings.messages import joint_state_messages
+from robot_dynamics_tools.recordings.messages import (
+    dynamics_terms_messages,
+    joint_state_messages,
+)
 from robot_dynamics_tools.recordings.reader import Recording
-from robot_dynamics_tools.recordings.topics import JOINT_STATE, TopicQos
+from robot_dynamics_tools.recordings.topics import DYNAMICS_TERMS, JOINT_STATE, TopicQos
 from robot_dynamics_tools.recordings.writer import RecordingWriter
 
 pytest.importorskip('rosbags')
 from rosbags.highlevel import AnyReader  # noqa: E402
 from rosbags.interfaces import QosDurability, QosReliability  # noqa: E402
+from rosbags.rosbag2 import Writer  # noqa: E402
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores  # noqa: E402
-
-PAIR = 'demo_msgs/msg/Pair'
-PAIR_TEXT = 'std_msgs/Header header\nfloat64[] values\nstring note\n'
 
 
 def joint_state(stamp_ns, names, position=(), velocity=(), effort=()):
@@ -35,14 +36,11 @@ def joint_state(stamp_ns, names, position=(), velocity=(), effort=()):
     return data
 
 
-def pair(stamp_ns, values, note):
-    """Return a serialized PAIR."""
-    types = get_typestore(Stores.ROS2_JAZZY)
-    types.register(get_types_from_msg(PAIR_TEXT, PAIR))
-    sec, nanosec = divmod(stamp_ns, 10**9)
-    stamp = types.types['builtin_interfaces/msg/Time'](sec=sec, nanosec=nanosec)
-    header = types.types['std_msgs/msg/Header'](stamp=stamp, frame_id='')
-    return serialized(PAIR, types, header=header, values=np.array(values), note=note)
+def terms(stamp_ns, effort):
+    """Return serialized terms, all of which are `effort`."""
+    (data,) = dynamics_terms_messages(
+        np.array([stamp_ns]), ('a', 'b'), 6 * [np.array([effort])], np.zeros(1), np.zeros(1))
+    return data
 
 
 def write_states(path, states, topic='/joint_states'):
@@ -58,13 +56,13 @@ def write_states(path, states, topic='/joint_states'):
 def recording(tmp_path):
     """Return the path of a recording with one topic of a common type and one of another type."""
     path = tmp_path / 'bag'
-    with RecordingWriter(path, {PAIR: PAIR_TEXT}) as writer:
+    with RecordingWriter(path) as writer:
         writer.add_topic('/joint_states', JOINT_STATE)
-        writer.add_topic('/pairs', PAIR, TopicQos(depth=7, transient_local=True))
+        writer.add_topic('/terms', DYNAMICS_TERMS, TopicQos(depth=7, transient_local=True))
         for i in range(5):
             writer.write('/joint_states', 100 + i, joint_state(
                 10 + i, ('a', 'b'), (i, -i), (0.5, i), (1.0, 2.0)))
-            writer.write('/pairs', 100 + i, pair(10 + i, [i, 2.0 * i], 'é'))
+            writer.write('/terms', 100 + i, terms(10 + i, [i, 2.0 * i]))
     return path
 
 
@@ -72,17 +70,16 @@ def test_rosbags_alone_reads_it(recording):
     # Without a type store: the definitions have to be in the files.
     with AnyReader([recording]) as reader:
         assert {c.topic: c.msgtype for c in reader.connections} == {
-            '/joint_states': JOINT_STATE, '/pairs': PAIR}
+            '/joint_states': JOINT_STATE, '/terms': DYNAMICS_TERMS}
         seen = [(c.topic, t, reader.deserialize(raw, c.msgtype)) for c, t, raw in
                 reader.messages()]
         qos = {c.topic: c.ext.offered_qos_profiles[0] for c in reader.connections}
     assert [t for _, t, _ in seen] == sorted([*range(100, 105)] * 2)
-    pairs = [message for topic, _, message in seen if topic == '/pairs']
-    assert [message.header.stamp.nanosec for message in pairs] == [10, 11, 12, 13, 14]
-    np.testing.assert_array_equal(pairs[3].values, [3.0, 6.0])
-    assert pairs[0].note == 'é'
-    assert qos['/pairs'].durability == QosDurability.TRANSIENT_LOCAL
-    assert qos['/pairs'].depth == 7
+    rows = [message for topic, _, message in seen if topic == '/terms']
+    assert [message.header.stamp.nanosec for message in rows] == [10, 11, 12, 13, 14]
+    np.testing.assert_array_equal(rows[3].effort, [3.0, 6.0])
+    assert qos['/terms'].durability == QosDurability.TRANSIENT_LOCAL
+    assert qos['/terms'].depth == 7
     assert qos['/joint_states'].durability == QosDurability.VOLATILE
     assert qos['/joint_states'].reliability == QosReliability.RELIABLE
 
@@ -93,9 +90,9 @@ def test_topics_and_metadata_are_those_of_rosbag2(recording):
         assert words in text
     with Recording(recording) as opened:
         assert [(t.name, t.message_type, t.message_count) for t in opened.topics] == [
-            ('/joint_states', JOINT_STATE, 5), ('/pairs', PAIR, 5)]
-        assert opened.topic('/pairs').qos == TopicQos(depth=7, transient_local=True)
-        with pytest.raises(RecordingError, match=r"'/nothing'.*'/joint_states', '/pairs'"):
+            ('/joint_states', JOINT_STATE, 5), ('/terms', DYNAMICS_TERMS, 5)]
+        assert opened.topic('/terms').qos == TopicQos(depth=7, transient_local=True)
+        with pytest.raises(RecordingError, match=r"'/nothing'.*'/joint_states', '/terms'"):
             opened.topic('/nothing')
 
 
@@ -242,11 +239,18 @@ def test_what_is_not_a_recording_is_refused(tmp_path):
         Recording(broken)
 
 
-def test_a_message_that_cannot_be_decoded_is_refused(recording, tmp_path):
-    with Recording(recording) as opened:
-        with pytest.raises(RecordingError, match=rf"'/pairs' has type '{PAIR}', expected a type"):
+def test_a_message_that_cannot_be_decoded_is_refused(tmp_path):
+    kind, types = 'demo_msgs/msg/Pair', get_typestore(Stores.ROS2_JAZZY)
+    types.register(get_types_from_msg('float64 a', kind))
+    with Writer(tmp_path / 'other', version=9) as writer:
+        pairs = writer.add_connection('/pairs', kind, typestore=types)
+        writer.write(pairs, 1, b'\0\1\0\0' + bytes(8))
+    with Recording(tmp_path / 'other') as opened:
+        with pytest.raises(RecordingError, match=rf"'/pairs' has type '{kind}', expected a type"):
             list(opened.messages('/pairs'))
     with RecordingWriter(tmp_path / 'damaged') as writer:
+        with pytest.raises(RecordingError, match=rf"'/pairs' has type '{kind}', expected a type"):
+            writer.add_topic('/pairs', kind)
         writer.add_topic('/joint_states', JOINT_STATE)
         writer.write('/joint_states', 1, b'\0\1\0\0abc')
     with Recording(tmp_path / 'damaged') as opened:
@@ -256,8 +260,8 @@ def test_a_message_that_cannot_be_decoded_is_refused(recording, tmp_path):
 
 def test_wrong_questions_are_refused(recording):
     with Recording(recording) as opened:
-        with pytest.raises(RecordingError, match=PAIR):
-            opened.joint_series('/pairs')
+        with pytest.raises(RecordingError, match=DYNAMICS_TERMS):
+            opened.joint_series('/terms')
         with pytest.raises(RecordingError, match=r"\['a', 'c'\]; it has \['a', 'b'\]"):
             opened.joint_series('/joint_states', ['a', 'c'])
 
