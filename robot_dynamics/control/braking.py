@@ -35,7 +35,7 @@ def braked(
         ahead = q + controller.gains.lag * v if ahead is None else ahead
         torque = torque + (body.gravity(ahead) - body.gravity(q))
         M = body.mass_matrix(ahead)
-        K_p, K_d = controller.feedback_gains
+        K_p, K_d = controller.laws.feedback_gains
         a, limits = FAULT_DAMPING * K_d * v, controller.arm.limits
         if returns:
             a = a + K_p * (q - np.clip(q, limits.lower, limits.upper))
@@ -79,7 +79,8 @@ def is_held(controller: Controller, q: FloatArray, error: FloatArray) -> BoolArr
     friction, limit = controller.arm.friction.at_rest, controller.arm.limits.effort
     usual = np.where(np.isfinite(limit), USUAL_FRICTION * limit, 0.0)
     with controller.lock:
-        M, (K_p, K_d) = controller.dynamics.rigid_body.mass_matrix(q), controller.feedback_gains
+        M = controller.dynamics.rigid_body.mass_matrix(q)
+        K_p, K_d = controller.laws.feedback_gains
     drives = controller.options.drive_stiffness
     viscous = controller.arm.friction.viscous * K_p / np.maximum(K_d, 1e-9)
     K = M * K_p + np.diag(viscous) if drives is None else np.diag(drives)

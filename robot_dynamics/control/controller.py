@@ -96,12 +96,19 @@ class Controller:
         """Derive the limits of references and gains from the arm, the load and the options."""
         options, workspace, scaled = self.options, self.load.workspace, self._bounds.scaled
         rate = np.broadcast_to(options.effort_rate, scaled.shape)
-        self.followed.limit(
-            workspace.motion_limits(scaled, rate) if options.conditions_references else None,
-            options.stream_timeout, lambda limits, q, v: limits.with_braking(
-                self.load.dynamics.rigid_body, scaled, rate, q, v))
+        self._motion_limits = (
+            workspace.motion_limits(scaled, rate) if options.conditions_references else None)
+        self.followed.set_timeout(options.stream_timeout)
+        self.followed.brake = lambda limits, q, v: limits.with_braking(
+            self.load.dynamics.rigid_body, scaled, rate, q, v)
         self.laws.limit(workspace, rate)
-        self.followed.scale(self.gains.reference_scale)
+        self._scale_references()
+
+    def _scale_references(self) -> None:
+        """Follow new references with the fraction of the limits that the gains permit."""
+        limits = self._motion_limits
+        self.followed.limits = None if limits is None else (
+            limits.slower(self.gains.reference_scale))
 
     # ------------------------------------------------------------------ references
 
@@ -132,7 +139,7 @@ class Controller:
     def _check_follows(self) -> tuple[int, FloatArray, FloatArray]:
         """Return the last state; raise TrajectoryError if no reference can start from it."""
         if not self.laws.follows:
-            names = [name for name, law in all_laws().items() if getattr(law, 'follows', True)]
+            names = [name for name, law in all_laws().items() if law.follows]
             raise TrajectoryError(
                 f'command is {self.options.command!r}, expected '
                 f'{" or ".join(map(repr, names))} to follow a reference')
@@ -161,11 +168,6 @@ class Controller:
         with self.lock:
             self.followed.end(self.options.stops_and_holds)
 
-    def restart_states(self) -> None:
-        """Treat the next state as a first one: it need not be consistent with the last state."""
-        with self.lock:
-            self.state = None
-
     @property
     def reference(self) -> Reference | None:
         """The reference at the last state, None without one."""
@@ -180,11 +182,6 @@ class Controller:
     def position_error(self, reference: FloatArray, q: FloatArray) -> FloatArray:
         """Return reference minus q (n,); of continuous joints the shortest angle."""
         return self.laws.feedback.position_error(reference, q)
-
-    def reference_position(self) -> FloatArray | None:
-        """Return the position of the reference (n,) at the last state, None without one."""
-        reference = self.reference
-        return None if reference is None else reference.position
 
     # ------------------------------------------------------------------ the arm
 
@@ -271,8 +268,7 @@ class Controller:
             load.dynamics, stamp_ns, q, v, q_ahead, trajectory, laws.feedback, lag)
         answer, options, drive = law(state), self.options, self.arm.drive
         effort, bounds, self._tracking = answer.effort, self._bounds, answer.tracking
-        is_clear = math.dist(effort.tolist(), bounds.center) <= bounds.clearance or (
-            bounds.is_clear(effort))
+        is_clear = bounds.range.contains(effort.tolist())
         if not is_clear and not np.isfinite(effort).all():
             raise NonFiniteEffortError(
                 f'the efforts at position {q.tolist()} are not finite: gravity '
@@ -282,17 +278,20 @@ class Controller:
         if options.effort_convention.robot_compensates:
             robot = robot_effort(
                 options.effort_convention, own.rigid_body.gravity(state.q),
-                None if effort is answer.gravity else answer.friction, drive)
+                0.0 if effort is answer.gravity else answer.friction, drive)
         output = ControlOutput(
             state, answer, gains.least * answer.scale, robot, own, bounds, drive, self.lock)
         if options.command == NO_COMMAND:
             return output
         output.command = effort
+        if answer.scale < 1.0:
+            output.limits = ('scaled gains',)
         if robot is not NOTHING or not is_clear:
             output.command, clamped = bounds.bounded(
                 robot.command(effort), robot,
                 None if effort is answer.gravity else output.holding_torque())
-            output.clamped = clamped if clamped.any() else None
+            if clamped.any():
+                output.clamped, output.limits = clamped, (*output.limits, 'effort limit')
         if drive is not None:
             output.command = drive.command(output.command)
         return output
@@ -311,29 +310,4 @@ class Controller:
                 1e-9 * stamp_ns, tracking.error, tracking.velocity - v)
         if has_changed:
             laws.scale()
-            self.followed.scale(self.gains.reference_scale)
-
-    def motion_equation(
-        self, output: ControlOutput, q: FloatArray, v: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return M(q) (n, n), and C(q, v) v + friction (n,) of the output, as command efforts."""
-        with self.lock:
-            body, drive, robot = self.load.dynamics.rigid_body, self.arm.drive, output.robot
-            M, passive = body.mass_matrix(q), output.law.friction
-            if robot.friction is not None:
-                passive = passive - robot.friction
-            passive = passive + body.nonlinear(q, v) - body.gravity(q)
-            return (M, passive) if drive is None else (
-                M / drive.scale[:, np.newaxis], passive / drive.scale)
-
-    def stiffness(self, q: FloatArray) -> FloatArray | None:
-        """Return the scaled stiffness (n,) [N·m/rad] or [N/m] at q (n,), None without one."""
-        if not self.laws.follows or self.options.command == NO_COMMAND:
-            return None
-        return self.laws.with_reference.stiffness(self.load.dynamics.rigid_body.mass_matrix(q))
-
-    @property
-    def feedback_gains(self) -> tuple[FloatArray, FloatArray]:
-        """K_p [1/s²] and K_d [1/s] (n,) of the feedback in use, scaled."""
-        return self.laws.feedback_gains
-
+            self._scale_references()

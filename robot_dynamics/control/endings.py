@@ -50,9 +50,10 @@ class Endings:
 
     def restart(self, now: float, reason: str) -> None:
         """End the reference: the next states continue from another place or time."""
-        self._controller.restart_states()
-        ending = Ending(Kind.HOLD, f'joint states restarted: {reason}')
-        if self._controller.trajectory is None:
+        controller, ending = self._controller, Ending(
+            Kind.HOLD, f'joint states restarted: {reason}')
+        controller.state = None  # the next one need not be consistent with the last one
+        if controller.trajectory is None:
             self._goals.end(ending)
         else:
             self.end(now, ending)

@@ -80,8 +80,6 @@ class FeedForward:
             if not convention.compensates_friction and options.friction_compensation != 'none':
                 tau = tau + dynamics.friction.tracking_effort(v, np.zeros_like(v), 0.0, tau)
             tau = np.clip(tau, -output.bounds.scaled, output.bounds.scaled)
-            if convention.robot_compensates:
-                tau = robot_effort(
-                    convention, output.unloaded.rigid_body.gravity(q), None, output.drive,
-                ).without_gravity(tau)
+            tau = robot_effort(
+                convention, output.unloaded.rigid_body.gravity(q), 0.0, output.drive).command(tau)
         return tau if output.drive is None else output.drive.command(tau)

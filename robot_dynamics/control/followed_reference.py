@@ -46,9 +46,9 @@ class FollowedReference:
         self._arm = arm
         self._generator = ReferenceGenerator(arm.joint_names, [
             name for name, kind in zip(arm.joint_names, arm.joint_kinds) if kind == 'continuous'])
-        self._full: MotionLimits | None = None
-        self._limits: MotionLimits | None = None
-        self._brake: Brake = lambda limits, q, v: limits
+        self.limits: MotionLimits | None = None
+        """The limits of new references, None for none."""
+        self.brake: Brake = lambda limits, q, v: limits
         self.first_stop: ActiveTrajectory | None = None
         """The stop at a first state, which the second state replaces."""
         self.stops_next = False
@@ -61,20 +61,9 @@ class FollowedReference:
         """The trajectory or stop that is followed, or None."""
         return self._generator.active
 
-    def limit(
-        self, limits: MotionLimits | None, stream_timeout: float, brake: Brake,
-    ) -> None:
-        """
-        Set the limits of motion, which `scale` applies, and the timeout [s] of set-points.
-
-        `brake` returns limits with the braking that is possible from a state.
-        """
-        self._full, self._brake = limits, brake
-        self._generator.stream_timeout = stream_timeout
-
-    def scale(self, scale: float) -> None:
-        """Follow new references with this fraction of the limits."""
-        self._limits = None if self._full is None else self._full.slower(scale)
+    def set_timeout(self, timeout: float) -> None:
+        """Set the timeout [s] of set-points with a velocity."""
+        self._generator.stream_timeout = timeout
 
     def feasible(
         self, trajectory: JointTrajectory, planning: ArmDynamics, options: ControllerOptions,
@@ -85,26 +74,20 @@ class FollowedReference:
         Raises TrajectoryError if the arm cannot follow the trajectory, or for other joints.
         """
         self._generator.check_joints(trajectory)
-        limits = self._limits
+        limits = self.limits
         if options.checks_goals:
-            trajectory = self._within_limits(
-                trajectory, options, options.slows_down and limits is not None)
+            if options.clips_positions:
+                trajectory = with_clipped_positions(self._arm, trajectory)
+            if options.slows_down and trajectory.is_set_point:
+                trajectory = with_clipped_velocity(self._arm, trajectory)
+            check_points(
+                self._arm, trajectory,
+                has_velocities=limits is None or not options.slows_down)
         if limits is None or trajectory.is_set_point:
             return trajectory, 1.0
         return feasible_trajectory(
             planning, trajectory, limits.lowered, options.effort_limit_fraction,
             options.slows_down)
-
-    def _within_limits(
-        self, trajectory: JointTrajectory, options: ControllerOptions, is_slowed: bool,
-    ) -> JointTrajectory:
-        """Return a trajectory with its points within the limits; raise TrajectoryError."""
-        if options.clips_positions:
-            trajectory = with_clipped_positions(self._arm, trajectory)
-        if options.slows_down and trajectory.is_set_point:
-            trajectory = with_clipped_velocity(self._arm, trajectory)
-        check_points(self._arm, trajectory, has_velocities=not is_slowed)
-        return trajectory
 
     def start(
         self, trajectory: JointTrajectory, slowness: float,
@@ -131,10 +114,9 @@ class FollowedReference:
 
     def _limit_braking(self, q: FloatArray, v: FloatArray, is_local: bool) -> None:
         """Brake with the limits of the workspace, or with those of the poses of a stop."""
-        limits = self._limits
-        if limits is not None and is_local:
-            limits = self._brake(limits, q, v)
-        self._generator.limits = limits
+        limits = self.limits
+        self._generator.limits = limits if limits is None or not is_local else (
+            self.brake(limits, q, v))
 
     def end(self, holds: bool = False) -> None:
         """End the reference; if `holds`, a stop from the next measured state is wanted."""

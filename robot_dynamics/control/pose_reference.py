@@ -58,11 +58,11 @@ def pose_set_point(
     p = check_vector('pose.position', translation, 3, ('x', 'y', 'z'), LARGEST_VALUE)
     turn = np.zeros(4) if is_empty(orientation) else check_vector(
         'pose.orientation', orientation, 4, ('x', 'y', 'z', 'w'), LARGEST_VALUE)
-    q = controller.reference_position()
-    if q is None and state is None:
+    reference = controller.reference
+    if state is None:
         raise InvalidInputError(
             'no joint state has been received, so that there is no pose to start from')
-    start = np.asarray(q if state is None or q is not None else state[1])
+    start = state[1] if reference is None else reference.position
     kinematics = FrameKinematics(arm, frame_name(arm, controller.options.parameters))
     norm = float(np.linalg.norm(turn))
     if norm == 0.0:

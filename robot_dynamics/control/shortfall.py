@@ -33,7 +33,7 @@ def shortfall(controller: Controller) -> str:
         if not abs(e[j]) > TOLERANCE:
             return ''
         arm, body = controller.dynamics.arm, controller.dynamics.rigid_body
-        K = body.mass_matrix(q) * controller.feedback_gains[0]
+        K = body.mass_matrix(q) * controller.laws.feedback_gains[0]
         feedback: FloatArray = K @ e
         needed = feedback[j] + body.gravity(q)[j]
         limit, may_hold = arm.limits.effort[j], is_held(controller, q, e)[j]

@@ -109,16 +109,13 @@ class Lifting(ControlLaw):
 
     follows = False
 
-    def __init__(self, *_: object) -> None:
-        pass
-
     def effort(self, state: LawInput) -> np.ndarray:
         return np.asarray(state.gravity + 1.0)
 
 
 def test_a_law_that_does_not_follow_acts_until_a_stop(monkeypatch):
-    """Computed torque follows the stop; a function makes the law."""
-    monkeypatch.setitem(LAWS, 'lifting', lambda feedback, options: Lifting())
+    """Computed torque follows the stop."""
+    monkeypatch.setitem(LAWS, 'lifting', Lifting)
     one, q = make(UR5, 'lifting'), Q
     output = update(one, START, q, np.full(N, 0.1))
     assert output.command == pytest.approx(output.gravity_compensation + 1.0)
@@ -210,7 +207,8 @@ def test_a_law_that_cannot_be_used_is_refused_and_the_last_one_continues(name, w
 
 def test_a_given_law_is_used_for_any_command_but_none():
     q, options = Q, ControllerOptions(make_gains(UR5.joint_names))
-    one = Controller(UR5, options, Lifting())
+    feedback = ErrorFeedback(options.gains, UR5.joint_kinds)
+    one = Controller(UR5, options, Lifting(feedback, options))
     assert not one.laws.follows
     output = update(one, START, q, 0.0 * q)
     assert output.command == pytest.approx(output.gravity_compensation + 1.0)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.laws.law_table import NO_COMMAND
 
 
 class RestStiffness(NamedTuple):
@@ -29,10 +30,11 @@ class RestStiffness(NamedTuple):
 def rest_stiffness(controller: Controller) -> RestStiffness | None:
     """Return the stiffness at the last state, None without a state or a law that follows."""
     with controller.lock:
-        state = controller.state
-        K = None if state is None else controller.stiffness(state[1])
-    if K is None:
-        return None
+        laws, state = controller.laws, controller.state
+        if state is None or not laws.follows or controller.options.command == NO_COMMAND:
+            return None
+        M = controller.dynamics.rigid_body.mass_matrix(state[1])
+        K = laws.with_reference.stiffness(M)
     friction = controller.dynamics.arm.friction
     F_s = friction.at_rest.static
     is_compensated = controller.options.friction_compensation == 'reference'

@@ -156,6 +156,9 @@ class ControlLaw:
     scale: FloatArray | float = 1.0
     """Factors s (n,) of the bandwidth, set by the controller: stiffness s² K, damping s D."""
 
+    def __init__(self, feedback: ErrorFeedback, options: ControllerOptions) -> None:
+        """Make the law of an arm; `options` are what `options` of the class has returned."""
+
     @classmethod
     def options(cls, arm: ArmModel, options: ControllerOptions) -> LawOptions:
         """

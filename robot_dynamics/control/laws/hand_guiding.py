@@ -46,7 +46,6 @@ from typing import Any
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
-from robot_dynamics.control.gate import LOST
 from robot_dynamics.control.laws.computed_torque import REVERSAL_TIME
 from robot_dynamics.control.laws.control_law import (
     ControlLaw,
@@ -58,6 +57,7 @@ from robot_dynamics.control.laws.control_law import (
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.force_feedback import ForceFeedback
 from robot_dynamics.control.options import LawOptions
+from robot_dynamics.control.safety.faults import STATE_TIMEOUT
 from robot_dynamics.joints.friction import JointFriction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.references.motion_limits import FRACTION
@@ -130,9 +130,10 @@ class HandGuiding(ControlLaw):
         self._felt_until_ns = 0
 
     def feel(self, external: FloatArray) -> None:
-        """Let a person feel this effort (n,) of a follower until LOST seconds from now."""
+        """Let a person feel this effort (n,) of a follower for STATE_TIMEOUT seconds."""
         if self._last is not None:
-            self._external, self._felt_until_ns = external, self._last[0] + round(1e9 * LOST)
+            self._external = external
+            self._felt_until_ns = self._last[0] + round(1e9 * STATE_TIMEOUT)
 
     def take_force(self, message: Any) -> None:
         """Let a person feel the effort of a message JointState; raise InvalidInputError."""
@@ -158,7 +159,8 @@ class HandGuiding(ControlLaw):
         if dt == 0.0:
             gravity = state.gravity
             return LawOutput(gravity, friction, gravity=gravity)
-        v = _slower(state.v, moved / dt)
+        mean = moved / dt  # a wrong sign of v would drive the joint
+        v = np.clip(state.v, np.minimum(mean, 0.0), np.maximum(mean, 0.0))
         state = state._replace(q=state.q + 0.5 * (dt + LOOP_DELAY) * v)
         gravity, allowed = state.gravity, self._allowed(state.q)
         if not dynamics.is_frictionless:
@@ -263,12 +265,3 @@ def _usual_speed(arm: ArmModel) -> FloatArray:
     """Return the default speed limit (n,) [rad/s] or [m/s]."""
     largest = [USUAL_SPEED if kind == 'prismatic' else USUAL_TURN for kind in arm.joint_kinds]
     return np.asarray(np.minimum(FRACTION * arm.limits.velocity, largest))
-
-
-def _slower(v: FloatArray, mean: FloatArray) -> FloatArray:
-    """
-    Return the smaller one of v and the mean since the last state, (n,) each.
-
-    It is 0 if their signs differ, because a wrong sign would drive the joint.
-    """
-    return np.where(v * mean > 0.0, np.where(np.abs(mean) < np.abs(v), mean, v), 0.0)

@@ -213,7 +213,7 @@ class CommandOutput:
     def follow(self, answer: LoopAnswer) -> None:
         """Log and count what has changed with this answer."""
         with self.lock:
-            self.counters.count_limits(answer.output, answer.limits)
+            self.counters.count_limits(answer.limits)
             self.log_changes()
 
     def fail(self, fault: Fault) -> None:

@@ -158,7 +158,7 @@ class ControlPath:
             state.stamp_ns, q, v, time.time_ns(), steady_ns, self._has_several_publishers,
             command.order.fault, partial(command.publish, state.stamp))
         mode = served.loop.supervisor.mode
-        if mode is not command.mode_seen or mode is not Mode.RUNNING or answer.limits is not None:
+        if mode is not command.mode_seen or mode is not Mode.RUNNING or answer.limits:
             command.follow(answer)
         self._follow(served, state, answer, q, v, 1e-9 * steady_ns)
 
