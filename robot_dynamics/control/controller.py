@@ -206,7 +206,7 @@ class Controller:
                 self.load.begin_transition(load, transition_time, when_done)
                 self._limit_motion()
         if transition_time == 0.0:
-            when_done(load.planning.arm.payloads)
+            when_done(load.dynamics.arm.payloads)
 
     def set_gravity(self, gravity: FloatArray, rate: float) -> None:
         """

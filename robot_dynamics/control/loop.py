@@ -20,7 +20,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.braking import braked, coasting, is_held
+from robot_dynamics.control.braking import braked, coasting
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.endings import Endings
@@ -34,6 +34,7 @@ from robot_dynamics.control.options import (
     default_options,
     DEFAULT_STATE_MAX_AGE,
 )
+from robot_dynamics.control.rest import is_held
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.fault_action import SafetyOptions

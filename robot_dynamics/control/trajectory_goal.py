@@ -26,8 +26,10 @@ LATEST_START = 0.5
 """[s] by which a goal may end late because the arm is not yet at its first point."""
 NO_SLOWER = 1.001
 """Factor of the duration from which a goal counts as slowed down."""
-MOVED, REST_TIME_NS = 5e-4, 20_000_000
-"""An arm at rest moves less than MOVED [rad] or [m] in REST_TIME_NS [ns], at most at this rate."""
+REST_SPEED = 0.025
+"""[rad/s] or [m/s] up to which a joint is at rest, as a mean over a time such as REST_TIME_NS."""
+REST_TIME_NS = 20_000_000
+"""[ns]"""
 DEFAULT_GOAL_TOLERANCE = 0.01
 """Default distance [rad] or [m] from the goal at which it is reached."""
 DEFAULT_GOAL_TIME = 5.0
@@ -60,7 +62,7 @@ class Tolerances:
     Tolerances of position [rad] or [m] and velocity [rad/s] or [m/s], (n,) each, ∞ for none.
 
     Path tolerances apply during the motion, goal tolerances at its end, within `goal_time` [s]. A
-    `goal_velocity` of NaN requires rest: less than MOVED in REST_TIME_NS.
+    `goal_velocity` of NaN requires rest: at most REST_SPEED over REST_TIME_NS.
     """
 
     path: FloatArray
@@ -166,9 +168,9 @@ class TrajectoryGoal:
                 f'goal tolerance, {allowed.goal_time:g} s after the end: {violation}')
 
     def _is_at_rest(self) -> bool:
-        """Return whether the recent states are close to the last one; see MOVED."""
+        """Return whether the recent states are close to the last one."""
         (first, _), (stamp, q) = self._recent[0], self._recent[-1]
-        most = MOVED * min(2.0, (stamp - first) / REST_TIME_NS)  # slow states are further apart
+        most = 1e-9 * REST_SPEED * min(stamp - first, 2 * REST_TIME_NS)  # of slow states
         return len(self._recent) > 1 and all(bool(
             (np.abs(self._controller.position_error(one, q)) <= most).all())
             for _, one in self._recent)

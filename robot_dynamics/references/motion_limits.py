@@ -146,7 +146,7 @@ class WorkspaceInertia:
         body = dynamics.unchecked.rigid_body
         poses = random_states(dynamics.arm, _POSES)[0]
         n = dynamics.arm.joint_count
-        self.arm = dynamics.arm
+        self.dynamics = dynamics
         self.matrices: FloatArray = np.array(
             [body.mass_matrix(q) for q in poses]).reshape(-1, n, n)
         """M(q) at each pose."""
@@ -157,7 +157,7 @@ class WorkspaceInertia:
     def heavier(self, other: 'WorkspaceInertia') -> 'WorkspaceInertia':
         """Return the larger values at each pose, for the transition between two loads."""
         both = object.__new__(WorkspaceInertia)
-        both.arm = self.arm
+        both.dynamics = self.dynamics
         both.matrices = np.concatenate((self.matrices, other.matrices))
         both.mass = np.maximum(self.mass, other.mass)
         both.gravity = np.maximum(self.gravity, other.gravity)
@@ -174,8 +174,8 @@ class WorkspaceInertia:
         `effort` (n,) [N·m] or [N] and `effort_rate` (n,) [N·m/s] or [N/s] are the limits of the
         command, infinite for no limit.
         """
-        limits = self.arm.limits
-        friction, known = self.arm.friction, np.isfinite(limits.velocity)
+        arm, limits = self.dynamics.arm, self.dynamics.arm.limits
+        friction, known = arm.friction, np.isfinite(limits.velocity)
         resistance = friction.at_rest.static + friction.viscous * np.where(
             known, limits.velocity, DEFAULT_VELOCITY)
         remaining = np.maximum(effort - self.gravity - resistance, LEAST_FRACTION * effort)
