@@ -251,7 +251,7 @@ class Controller:
         load, gains, laws = self.load, self.gains, self.laws
         if load.changes:
             load.advance(stamp_ns)
-        law, q_ahead, lag, last = laws.at_rest, q, 0.0, self.state
+        law, q_ahead, last = laws.at_rest, q, self.state
         self._interval = 0.0 if last is None else 1e-9 * (stamp_ns - last[0]), velocity_delay
         self.state = stamp_ns, q, v
         reference = self.followed
@@ -261,11 +261,10 @@ class Controller:
                 trajectory is reference.first_stop and (last is None or stamp_ns != last[0])):
             trajectory = reference.stop_from(last is None, stamp_ns, q, v)
         if trajectory is not None:
-            law, lag = laws.with_reference, gains.lag
-            if lag > 0.0:  # the arm moves before the effort acts
-                q_ahead = q + lag * v
-        state = LawInput(
-            load.dynamics, stamp_ns, q, v, q_ahead, trajectory, laws.feedback, lag)
+            law = laws.with_reference
+            if gains.lag > 0.0:  # the arm moves before the effort acts
+                q_ahead = q + gains.lag * v
+        state = LawInput(load.dynamics, stamp_ns, q, v, q_ahead, trajectory, laws.feedback)
         answer, options, drive = law(state), self.options, self.arm.drive
         effort, bounds, self._tracking = answer.effort, self._bounds, answer.tracking
         is_clear = bounds.range.contains(effort.tolist())
@@ -301,10 +300,9 @@ class Controller:
         laws, state, tracking = self.laws, self.state, self._tracking
         if state is None or not self.options.scales_gains:
             return
-        (stamp_ns, _, v), is_in_contact = state, laws.with_reference.is_in_contact
-        has_changed = self.gains.take(*self._interval, v, is_in_contact)
-        oscillation = laws.oscillation
-        if tracking is not None and self.gains.is_known and not is_in_contact and (
+        (stamp_ns, _, v), oscillation = state, laws.oscillation
+        has_changed = self.gains.take(*self._interval, v)
+        if tracking is not None and self.gains.is_known and (
                 tracking.largest > FLOOR or oscillation.factor < 1.0):
             has_changed |= oscillation.take(
                 1e-9 * stamp_ns, tracking.error, tracking.velocity - v)

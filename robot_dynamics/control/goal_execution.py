@@ -48,8 +48,6 @@ class GoalExecution:
         """The goal that is executed, or None."""
         self.interruption = ''
         """Reason why the last reference ended early, until the next reference."""
-        self.notice = ''
-        """Message for the operator; the caller that logs it sets it to an empty string."""
         self.paused_streams = 0
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
@@ -141,8 +139,5 @@ class GoalExecution:
     def pause(self) -> Ending:
         """Count a stream of set-points that has paused; return its ending."""
         self.paused_streams += 1
-        self.notice = (
-            'The stream of set-points paused for more than reference_timeout: the arm stops '
-            'and holds its position.')
         return Ending(
             Kind.HOLD, 'the stream of set-points paused for more than reference_timeout')

@@ -207,8 +207,7 @@ def test_a_law_that_cannot_be_used_is_refused_and_the_last_one_continues(name, w
 
 def test_a_given_law_is_used_for_any_command_but_none():
     q, options = Q, ControllerOptions(make_gains(UR5.joint_names))
-    feedback = ErrorFeedback(options.gains, UR5.joint_kinds)
-    one = Controller(UR5, options, Lifting(feedback, options))
+    one = Controller(UR5, options, Lifting())
     assert not one.laws.follows
     output = update(one, START, q, 0.0 * q)
     assert output.command == pytest.approx(output.gravity_compensation + 1.0)

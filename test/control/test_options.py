@@ -22,7 +22,7 @@ Q = np.array([0.8, 0.5])
 
 def test_the_following_error_is_limited_to_the_way_at_full_speed_in_three_tenths_of_a_second():
     options, limits = ControllerOptions(make_gains(['a', 'b'])), np.array([2.0, np.inf])
-    assert options.largest_error(limits) == pytest.approx([0.6, 0.5])
+    assert options.largest_error(limits) == pytest.approx([0.6, 0.3])
     given = ControllerOptions(options.gains, following_error=[0.0, 0.1])
     assert given.largest_error(limits).tolist() == [np.inf, 0.1]
 

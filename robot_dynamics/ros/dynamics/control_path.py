@@ -58,6 +58,8 @@ class ControlPath:
         self.when_changed = when_changed
         self.counters = ControlCounters()
         self._log = StateLog(node, self.counters)
+        self._paused = 0
+        """Number of streams of set-points that had paused at the last state."""
 
         def publisher(message_type: type, topic: str) -> Any:
             return node.create_publisher(message_type, topic, NEWEST_ONLY)
@@ -223,9 +225,11 @@ class ControlPath:
             self._log.clock(offset)
         if output.scale != self._log.bandwidth_scale:
             self._log.bandwidth(served.loop.controller)
-        if served.loop.goals.notice:
-            self._log.warn('notice', served.loop.goals.notice)
-            served.loop.goals.notice = ''
+        paused, self._paused = self._paused, served.loop.goals.paused_streams
+        if self._paused > paused:
+            self._log.warn(
+                'paused', 'The stream of set-points paused for more than reference_timeout: the '
+                'arm stops and holds its position.')
         for count in self._counts:
             if count():
                 self._publish(state, served, answer)
