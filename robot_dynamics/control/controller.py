@@ -90,6 +90,8 @@ class Controller:
             if options.command != self.options.command:
                 self.followed.end()
             self.options, self.laws, self._bounds, self._robot = options, laws, bounds, robot
+            self.law = laws.law
+            """The law that `options.command` names."""
             self._limit_motion()
 
     def _limit_motion(self) -> None:
@@ -98,7 +100,7 @@ class Controller:
         rate = np.broadcast_to(options.effort_rate, scaled.shape)
         self._motion_limits = (
             workspace.motion_limits(scaled, rate) if options.conditions_references else None)
-        self.followed.set_timeout(options.stream_timeout)
+        self.followed.generator.stream_timeout = options.stream_timeout
         self.followed.brake = lambda limits, q, v: limits.with_braking(
             self.load.dynamics.rigid_body, scaled, rate, q, v)
         self.laws.limit(workspace, rate)
@@ -221,20 +223,11 @@ class Controller:
                 self.load.begin_gravity_change(load, rate)
                 self._limit_motion()
 
-    @property
-    def law(self) -> ControlLaw:
-        """The law that `options.command` names."""
-        return self.laws.law
-
     def deliver(self, topic: LawTopic, message: Any) -> None:
         """Let the law take a message of a topic, between two states, if the topic is its own."""
         with self.lock:
             if topic in self.law.TOPICS:
                 topic.take(self.law, message)
-
-    def __repr__(self) -> str:
-        following = 'no reference' if self.trajectory is None else 'following a reference'
-        return f'<Controller of {self.dynamics.arm!r}, {self.options.command}, {following}>'
 
     # ------------------------------------------------------------------ the control path
 

@@ -44,7 +44,7 @@ class FollowedReference:
 
     def __init__(self, arm: ArmModel) -> None:
         self._arm = arm
-        self._generator = ReferenceGenerator(arm.joint_names, [
+        self.generator = ReferenceGenerator(arm.joint_names, [
             name for name, kind in zip(arm.joint_names, arm.joint_kinds) if kind == 'continuous'])
         self.limits: MotionLimits | None = None
         """The limits of new references, None for none."""
@@ -59,11 +59,7 @@ class FollowedReference:
     @property
     def active(self) -> ActiveTrajectory | None:
         """The trajectory or stop that is followed, or None."""
-        return self._generator.active
-
-    def set_timeout(self, timeout: float) -> None:
-        """Set the timeout [s] of set-points with a velocity."""
-        self._generator.stream_timeout = timeout
+        return self.generator.active
 
     def feasible(
         self, trajectory: JointTrajectory, planning: ArmDynamics, options: ControllerOptions,
@@ -73,7 +69,7 @@ class FollowedReference:
 
         Raises TrajectoryError if the arm cannot follow the trajectory, or for other joints.
         """
-        self._generator.check_joints(trajectory)
+        self.generator.check_joints(trajectory)
         limits = self.limits
         if options.checks_goals:
             if options.clips_positions:
@@ -98,14 +94,14 @@ class FollowedReference:
 
         Raises TrajectoryError, also if the trajectory would end more than `latest` [s] late.
         """
-        before = self._generator.active
+        before = self.generator.active
         # A planned motion may be faster than the limits of references.
         self._limit_braking(
             *state[1:], before is not None and not before.trajectory.is_set_point)
-        active = self._generator.start(trajectory, *state, stamp_ns=stamp_ns)
+        active = self.generator.start(trajectory, *state, stamp_ns=stamp_ns)
         late_ns = active.end_ns - (stamp_ns or state[0]) - trajectory.times_ns[-1]
         if late_ns > 1e9 * latest:
-            self._generator.active = before
+            self.generator.active = before
             raise TrajectoryError(
                 f'the trajectory would end {1e-9 * late_ns:.3g} s late, expected at most '
                 f'{latest:g} s: the arm has to move to its first point before')
@@ -115,12 +111,12 @@ class FollowedReference:
     def _limit_braking(self, q: FloatArray, v: FloatArray, is_local: bool) -> None:
         """Brake with the limits of the workspace, or with those of the poses of a stop."""
         limits = self.limits
-        self._generator.limits = limits if limits is None or not is_local else (
+        self.generator.limits = limits if limits is None or not is_local else (
             self.brake(limits, q, v))
 
     def end(self, holds: bool = False) -> None:
         """End the reference; if `holds`, a stop from the next measured state is wanted."""
-        self._generator.clear()
+        self.generator.clear()
         self.stops_next = holds
 
     def stop_from(
@@ -147,4 +143,4 @@ class FollowedReference:
         fastest = np.minimum(FASTEST_STOP * self._arm.limits.velocity, LARGEST_VALUE)
         q, v = np.clip(q, -LARGEST_VALUE, LARGEST_VALUE), np.clip(v, -fastest, fastest)
         self._limit_braking(q, v, True)
-        self._generator.stop(stamp_ns, q, v)
+        self.generator.stop(stamp_ns, q, v)

@@ -14,7 +14,6 @@ from robot_dynamics.control.setpoint_stream import SetPointStream
 from robot_dynamics.control.trajectory_goal import (
     default_tolerances,
     LATEST_START,
-    NO_SLOWER,
     ResultCode,
     Tolerances,
     TrajectoryGoal,
@@ -53,7 +52,6 @@ class GoalExecution:
     def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
         """Follow a trajectory as `ControlLoop.follow` does."""
         epoch = self.epoch
-        self._check_obstacle()
         self._start(trajectory, self._controller.prepare(trajectory), stamp_ns, epoch)
 
     def execute(
@@ -66,9 +64,8 @@ class GoalExecution:
         `epoch` is that in which the goal was sent, by default the current one.
         """
         epoch = epoch or self.epoch
-        self._check_obstacle()
         prepared = self._controller.prepare(trajectory)
-        if prepared[1] > NO_SLOWER:
+        if round(prepared[1], 2) > 1.0:
             raise TrajectoryError(
                 f'the trajectory would take {prepared[1]:.3g} times its duration, expected the '
                 'duration itself: send a slower trajectory, such as that of ~/retime_trajectory')
@@ -81,17 +78,13 @@ class GoalExecution:
                 when_done)
             return self.goal
 
-    def _check_obstacle(self) -> None:
-        obstacle = self._obstacle()
-        if obstacle:
-            raise TrajectoryError(f'no reference can be followed now: {obstacle}')
-
     def _start(
         self, trajectory: JointTrajectory, prepared: Prepared, stamp_ns: int, epoch: object,
         latest: float = math.inf,
     ) -> None:
         with self._lock:
-            self._check_obstacle()
+            if obstacle := self._obstacle():
+                raise TrajectoryError(f'no reference can be followed now: {obstacle}')
             if epoch is not self.epoch:
                 raise TrajectoryError(self._revoked)
             self._controller.start(prepared, stamp_ns, latest)

@@ -167,7 +167,7 @@ class ControlLoop:
                 if options.command != before:
                     self.goals.end(Ending(Kind.HOLD, reason))
             controller.set_options(options)
-            self.goals.stream.set_timeout(options.stream_timeout)
+            self.goals.stream.timeout = options.stream_timeout
             self.supervisor.set_options(limits, safety)
             self.gate.plausibility.is_lock_step = safety.is_lock_step
 

@@ -24,8 +24,6 @@ from robot_dynamics.trajectories.interpolation import Reference
 
 LATEST_START = 0.5
 """[s] by which a goal may end late because the arm is not yet at its first point."""
-NO_SLOWER = 1.001
-"""Factor of the duration from which a goal counts as slowed down."""
 REST_SPEED = 0.025
 """[rad/s] or [m/s] up to which a joint is at rest, as a mean over a time such as REST_TIME_NS."""
 REST_TIME_NS = 20_000_000
@@ -179,13 +177,11 @@ class TrajectoryGoal:
         self, e: FloatArray, most_e: FloatArray, e_v: FloatArray, most_v: FloatArray,
     ) -> str:
         """Return the joint that exceeds its tolerance most, or nothing; all arrays are (n,)."""
-        for error, most, is_velocity in ((e, most_e, False), (e_v, most_v, True)):
+        for error, most, of in ((e, most_e, ''), (e_v, most_v, 'the velocity of ')):
             j = int(np.argmax(np.abs(error) / most))
             if not abs(error[j]) <= most[j]:
-                name, units = self._names[j], units_of(self._controller.arm.joint_kinds[j])
-                if is_velocity:
-                    return (f'the velocity of {name!r} is {abs(error[j]):.3g} {units.position}/s '
-                            f'off, expected at most {most[j]:.3g}')
-                return (f'{name!r} is {units.error_text(abs(error[j]))} off, expected at most '
-                        f'{units.error_text(most[j])}')
+                units = units_of(self._controller.arm.joint_kinds[j])
+                texts = [f'{x:.3g} {units.position}/s' if of else units.error_text(x)
+                         for x in (abs(error[j]), most[j])]
+                return f'{of}{self._names[j]!r} is {texts[0]} off, expected at most {texts[1]}'
         return ''

@@ -163,10 +163,6 @@ class WorkspaceInertia:
         both.gravity = np.maximum(self.gravity, other.gravity)
         return both
 
-    def row_sums(self) -> FloatArray:
-        """Return max over the poses of Σ_k |M_ik|, (n,) [kg·m²] or [kg]."""
-        return np.asarray(self.mass.sum(axis=2).max(axis=0, initial=0.0))
-
     def motion_limits(self, effort: FloatArray, effort_rate: FloatArray) -> MotionLimits:
         """
         Return the limits of a reference that the effort can follow.

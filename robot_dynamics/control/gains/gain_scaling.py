@@ -120,15 +120,15 @@ class StableGains:
         self.is_known = False
         """Whether the noise is known."""
         self._velocity_delay = self._rated_period = 0.0
-        self._gains: LoopGains | None = None
+        self._gains: LoopGains
         self._effort_rate: FloatArray = np.full(n, math.inf)
         self._interval = math.inf
         self._block: deque[FloatArray] = deque(maxlen=BLOCK)
         """Velocities (n,), NaN after a gap."""
 
-    def set_loop_gains(self, gains: LoopGains | None, effort_rate: FloatArray) -> None:
+    def set_loop_gains(self, gains: LoopGains, effort_rate: FloatArray) -> None:
         """
-        Scale a loop with these gains from now on, None for no scaling; sets `scale`.
+        Scale a loop with these gains from now on; sets `scale`.
 
         `effort_rate` (n,) [N·m/s] or [N/s] is the rate limit of the effort.
         """
@@ -142,8 +142,6 @@ class StableGains:
         The state is dt [s] after the last one, 0 if that is unknown. `velocity_delay` [s] is the
         delay of v.
         """
-        if self._gains is None:
-            return False
         block, last, period, self._velocity_delay = (
             self._block, self._interval, self.period, velocity_delay)
         if dt > 0.0:
@@ -176,10 +174,6 @@ class StableGains:
     def _set_scale(self) -> bool:
         """Evaluate the scales; return whether they have changed."""
         gains, before = self._gains, self.scale
-        if gains is None:
-            self.scale, self.least, self.reference_scale = np.ones_like(before), 1.0, 1.0
-            self.lag = 0.0
-            return False
         self._rated_period = self.period or FIRST_PERIOD
         delay = LOOP_DELAY + 0.5 * self._rated_period + self._velocity_delay
         effort = np.sqrt((gains.noise * self.noise)**2 @ np.ones_like(self.noise))

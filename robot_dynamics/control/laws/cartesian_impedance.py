@@ -40,10 +40,13 @@ from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.references.motion_limits import FRACTION
 from robot_dynamics.task_space.frame_kinematics import FrameKinematics
 
-LARGEST_DISTANCE, LARGEST_ANGLE, LARGEST_POSTURE = 0.1, 0.5, 0.5
-"""[m], [rad], and [rad] or [m] of all joints together: the springs do not extend further."""
-LENGTH, SINGULAR = 0.25, 0.1
-"""[m] that weighs as much as 1 rad, and σ_0 [rad/rad] or [rad/m]."""
+LARGEST_DISTANCE, LARGEST_ANGLE = 0.1, 0.5
+"""[m] of the frame, and [rad], also [rad] or [m] of all joints together: the springs do not extend
+further."""
+LENGTH = LARGEST_DISTANCE / LARGEST_ANGLE
+"""[m] that weighs as much as 1 rad."""
+SINGULAR = 0.1
+"""σ_0 [rad/rad] or [rad/m]."""
 LIMIT_MARGIN, LIMIT_SHARE = 0.05, 0.1
 """[rad] or [m] before a position limit, at most this share of the range, where a joint stops."""
 NULL_SPACE_FREQUENCY = 10.0
@@ -93,18 +96,13 @@ class CartesianImpedance(ModalImpedance):
     def gains(
         self, dynamics: UncheckedArmDynamics, q: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return K and D (n, n) at q (n,), NaN far outside of the range of the model."""
-        try:
-            L = root_of(dynamics.rigid_body.mass_matrix(q))
-            inverse = np.asarray(np.linalg.inv(L), dtype=np.float64)
-            J = self._frame.jacobian(q)[2]
-            N = self._null_space(J, inverse)
-            A = inverse @ J.T
-            posture = NULL_SPACE_FREQUENCY**2 * N
-            squares, V = np.linalg.eigh((A * self._stiffness) @ A.T + posture)
-        except np.linalg.LinAlgError:  # the rounding of M, or no finite J
-            self._C = self._posture = K = np.full_like(self._K, np.nan)
-            return K, K
+        """Return K and D (n, n) at q (n,); raise LinAlgError far outside of the model's range."""
+        L = root_of(dynamics.rigid_body.mass_matrix(q))
+        inverse = np.asarray(np.linalg.inv(L), dtype=np.float64)
+        J = self._frame.jacobian(q)[2]
+        A = inverse @ J.T
+        posture = NULL_SPACE_FREQUENCY**2 * self._null_space(J, inverse)
+        squares, V = np.linalg.eigh((A * self._stiffness) @ A.T + posture)
         largest, Q = self.largest_frequency, L @ V
         natural = np.sqrt(np.maximum(squares, 0.0))
         omega = np.minimum(natural, largest)
@@ -136,7 +134,7 @@ class CartesianImpedance(ModalImpedance):
         F = np.concatenate([
             _at_most(self._force_limit, K[:3] * _at_most(LARGEST_DISTANCE, twist[:3])),
             _at_most(self._torque_limit, K[3:] * _at_most(LARGEST_ANGLE, twist[3:]))])
-        return np.asarray(self._C @ (J.T @ F + self._posture @ _at_most(LARGEST_POSTURE, e)))
+        return np.asarray(self._C @ (J.T @ F + self._posture @ _at_most(LARGEST_ANGLE, e)))
 
     def damper(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray:
         """Return D ė and the brakes."""

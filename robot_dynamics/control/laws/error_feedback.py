@@ -164,7 +164,7 @@ class ErrorFeedback:
         """Return q_ref − q, (n,) [rad] or [m]."""
         e = reference - q
         if self._continuous is not None and not e.dot(e) <= np.pi**2:
-            e[self._continuous] = wrap_to_pi(e[self._continuous])
+            e = np.where(self._continuous, wrap_to_pi(e), e)
         return e
 
     def worst_error(self, e: FloatArray, joint_names: Sequence[str]) -> str:

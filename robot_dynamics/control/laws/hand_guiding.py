@@ -59,7 +59,6 @@ from robot_dynamics.control.laws.force_feedback import ForceFeedback
 from robot_dynamics.control.options import LawOptions
 from robot_dynamics.control.safety.faults import STATE_TIMEOUT
 from robot_dynamics.joints.friction import JointFriction
-from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.references.motion_limits import FRACTION
 from robot_dynamics.validation import check_named, LARGEST_VALUE
 
@@ -81,8 +80,10 @@ STOPPING = 0.6
 """[s]: with the time in which the tank empties, a released arm stands within 1 s."""
 FULL_SPEED = 0.05
 """v_d [rad/s] or [m/s]."""
-MASS_ERROR, LEAST_SHARE = 0.07, 0.42
-PLAY, FAR = 0.03, 0.04
+MASS_ERROR, LEAST_SHARE = 0.07, LARGEST_SHARE * FRICTION_SHARE
+"""Of gravity, in an unknown mass; and of known friction, from which α of the least true one."""
+PLAY = 0.03
+FAR = PLAY + 0.01
 """Ways [rad] or [m] after which the compensation up to LEAST_SHARE begins and is complete."""
 FORGETTING = 1.0
 """Time constant [s] of the way."""
@@ -114,7 +115,8 @@ class HandGuiding(ControlLaw):
         self._names, self._gains = arm.joint_names, feedback.gains
         self.friction_share = FRICTION_SHARE
         """α, at most λ."""
-        self._speed = _usual_speed(arm) if speed is None else speed
+        largest = [USUAL_SPEED if kind == 'prismatic' else USUAL_TURN for kind in arm.joint_kinds]
+        self._speed = np.minimum(FRACTION * limits.velocity, largest) if speed is None else speed
         self._lower, self._upper = np.clip(
             (limits.lower, limits.upper), -LARGEST_VALUE, LARGEST_VALUE)
         is_limited = np.isfinite(limits.effort)
@@ -259,9 +261,3 @@ class HandGuiding(ControlLaw):
         beta = s * self._gains.ratio
         return np.maximum(-self._speed, beta * (self._lower + wall - q)), np.minimum(
             self._speed, beta * (self._upper - wall - q))
-
-
-def _usual_speed(arm: ArmModel) -> FloatArray:
-    """Return the default speed limit (n,) [rad/s] or [m/s]."""
-    largest = [USUAL_SPEED if kind == 'prismatic' else USUAL_TURN for kind in arm.joint_kinds]
-    return np.asarray(np.minimum(FRACTION * arm.limits.velocity, largest))

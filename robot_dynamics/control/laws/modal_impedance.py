@@ -44,7 +44,7 @@ class ModalImpedance(FollowingLaw):
     def gains(
         self, dynamics: UncheckedArmDynamics, q: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return K and D (n, n) at q (n,), NaN far outside of the range of the model."""
+        """Return K and D (n, n) at q (n,); raise LinAlgError far outside of the model's range."""
         raise NotImplementedError
 
     def spring(self, state: LawInput, e: FloatArray) -> FloatArray:
@@ -81,7 +81,11 @@ class ModalImpedance(FollowingLaw):
         dynamics, q, at, s = state.dynamics, state.q_ahead, self._gains_at, 1.0
         if at is None or at[0] is not dynamics or not (
                 math.dist(at[1].tolist(), q.tolist()) <= NEARBY):
-            self._K, self._D = K, D = self.gains(dynamics, q)
+            try:
+                K, D = self.gains(dynamics, q)
+            except np.linalg.LinAlgError:  # the rounding of M, or no finite J
+                K = D = np.full_like(self._K, np.nan)
+            self._K, self._D = K, D
             self._gains_at = dynamics, q
             self.ratio = np.diagonal(K) / np.maximum(np.diagonal(D), 1e-9)
         e, e_dot = tracking.error, tracking.velocity - state.v
