@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The arm at rest: its stiffness, the dry friction that may hold it, and why it does not follow."""
+"""The arm at rest: its stiffness, the dry friction that may hold it, and its shortfall."""
 
 from typing import NamedTuple
 

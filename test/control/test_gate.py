@@ -30,7 +30,7 @@ class Fed:
         self.is_commanded = True
         self.gate = Gate(
             ('a', 'b'), np.array([True, False]), np.full(2, limit), 0.2,
-            lambda: None if self.reference is None else Reference(self.reference, *np.zeros((2, 2))),
+            lambda: None if self.reference is None else Reference(*[self.reference] * 3),
             lambda q, error: np.full(2, is_held), lambda: self.is_commanded)
         self.rate, self.k = rate, 0
 

@@ -8,10 +8,10 @@ import re
 from lock_step_loop import smooth_arm
 import numpy as np
 import pytest
-from robot_dynamics.control.rest import is_held
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions, default_limits, default_options
+from robot_dynamics.control.rest import is_held
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics

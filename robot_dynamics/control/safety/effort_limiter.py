@@ -113,10 +113,10 @@ class EffortLimiter:
         """
         Return the last effort changed toward `effort` (n,) as far as the rate limit allows in dt.
 
-        `dt` [s] is the time since the last effort, of which STATE_TIMEOUT counts. The efforts of all joints cover the same
-        fraction of their change: an effort between two efforts that accelerate the arm as intended
-        also does so, whereas the inertia torques of the other joints would accelerate a joint
-        whose effort lags behind.
+        `dt` [s] is the time since the last effort, of which STATE_TIMEOUT counts. The efforts of
+        all joints cover the same fraction of their change: an effort between two efforts that
+        accelerate the arm as intended also does so, whereas the inertia torques of the other
+        joints would accelerate a joint whose effort lags behind.
         """
         last, dt = self.last, min(max(dt, 0.0), STATE_TIMEOUT)
         if last is None:

@@ -45,5 +45,5 @@ def frozen_joint(names: tuple[str, ...], lost: BoolArray) -> Fault:
     """Return the fault of joints that are `lost` (n,)."""
     found = [name for name, is_lost in zip(names, lost) if is_lost]
     return Fault(
-        FROZEN_JOINT, f'the position of {found} has not changed for more than {STATE_TIMEOUT:g} s, '
-        'although it moved before: check the encoder or its driver', recovery=25)
+        FROZEN_JOINT, f'the position of {found} has not changed for more than '
+        f'{STATE_TIMEOUT:g} s, although it moved before: check the encoder or its driver', recovery=25)

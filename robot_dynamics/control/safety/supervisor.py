@@ -236,7 +236,8 @@ class CommandSupervisor:
             passed = passed if dt is None else min(passed, dt)
             still = holding()
             if self.keeps_law and follows and self.limiter.last is not None:
-                effort = held = self.limiter.apply(command, holding, q, v, passed, equation)
+                held = self.limiter.apply(command, holding, q, v, passed, equation)
+                effort: FloatArray | None = held
             else:
                 effort, held = self._damped(now, q, v, still, passed, brake)
             self._action.postpone(now + self.options.state_timeout, held, still)
