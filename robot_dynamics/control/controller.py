@@ -248,7 +248,7 @@ class Controller:
         self._interval = 0.0 if last is None else 1e-9 * (stamp_ns - last[0]), velocity_delay
         self.state = stamp_ns, q, v
         reference = self.followed
-        trajectory = reference.active
+        trajectory = reference.generator.active
         if self.may_hold and (
                 laws.holds or reference.stops_next if trajectory is None else
                 trajectory is reference.first_stop and (last is None or stamp_ns != last[0])):
