@@ -19,7 +19,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.followed_reference import FollowedReference, LastState, Prepared
 from robot_dynamics.control.gains.gain_scaling import StableGains
-from robot_dynamics.control.gains.oscillation import FLOOR
+from robot_dynamics.control.gains.oscillation import REST_SPEED
 from robot_dynamics.control.laws.control_law import ControlLaw, LawInput, LawTopic
 from robot_dynamics.control.laws.error_feedback import Tracking
 from robot_dynamics.control.laws.law_table import all_laws, NO_COMMAND
@@ -296,7 +296,7 @@ class Controller:
         (stamp_ns, _, v), oscillation = state, laws.oscillation
         has_changed = self.gains.take(*self._interval, v)
         if tracking is not None and self.gains.is_known and (
-                tracking.largest > FLOOR or oscillation.factor < 1.0):
+                tracking.largest > REST_SPEED or oscillation.factor < 1.0):
             has_changed |= oscillation.take(
                 1e-9 * stamp_ns, tracking.error, tracking.velocity - v)
         if has_changed:

@@ -11,11 +11,11 @@ from the next measured state. Before the command ends, the arm has stopped and w
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.gains.oscillation import REST_SPEED
 from robot_dynamics.control.goal_execution import GoalExecution
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.supervisor import CommandSupervisor, Mode
-from robot_dynamics.control.trajectory_goal import REST_SPEED
 
 REST_TIME_NS = 100_000_000
 """[ns] for which no joint moves faster than REST_SPEED when the arm has stopped."""

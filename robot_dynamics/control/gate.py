@@ -62,7 +62,8 @@ MEMORY, AGREEMENT = 0.1, 1.0
 MOVING = 0.1
 """[rad/s] or [m/s] from which a joint does not stop in one sample."""
 LEFT = 0.03
-"""[rad] or [m] that the reference of a joint that stands may move, and may be away from it."""
+"""[rad] or [m] that the reference of a joint that stands may move, and may be away from it: dry
+friction may hold it, and a gearbox may yield."""
 DECAY = DEFAULT_NATURAL_FREQUENCY
 """[1/s] with which a lost joint stops: `braking.FAULT_DAMPING` times K_d of the default gains."""
 _LOST_NS = round(STATE_TIMEOUT * NANOSECONDS_PER_SECOND)

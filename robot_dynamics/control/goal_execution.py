@@ -13,7 +13,7 @@ from robot_dynamics.control.safety.faults import FOLLOWING_ERROR
 from robot_dynamics.control.setpoint_stream import SetPointStream
 from robot_dynamics.control.trajectory_goal import (
     default_tolerances,
-    LATEST_START,
+    LATE,
     ResultCode,
     Tolerances,
     TrajectoryGoal,
@@ -38,8 +38,7 @@ class GoalExecution:
         `obstacle` returns why no reference can be followed now, empty if one can. `now` returns
         the time of a steady clock [s].
         """
-        self._controller, self._obstacle, self._lock = controller, obstacle, controller.lock
-        self._now = now
+        self._controller, self._obstacle, self._now = controller, obstacle, now
         self.epoch, self._revoked = object(), 'another model is used'
         """Another object after each stop and fault, and the reason of the last one."""
         self.stream = SetPointStream(controller.options.stream_timeout)
@@ -69,10 +68,10 @@ class GoalExecution:
             raise TrajectoryError(
                 f'the trajectory would take {prepared[1]:.3g} times its duration, expected the '
                 'duration itself: send a slower trajectory, such as that of ~/retime_trajectory')
-        with self._lock:
+        with self._controller.lock:
             self._start(
                 trajectory, prepared, stamp_ns, epoch,
-                math.inf if trajectory.is_set_point else LATEST_START)
+                math.inf if trajectory.is_set_point else LATE)
             self.goal = TrajectoryGoal(
                 self._controller, tolerances or default_tolerances(trajectory.joint_names),
                 when_done)
@@ -82,7 +81,7 @@ class GoalExecution:
         self, trajectory: JointTrajectory, prepared: Prepared, stamp_ns: int, epoch: object,
         latest: float = math.inf,
     ) -> None:
-        with self._lock:
+        with self._controller.lock:
             if obstacle := self._obstacle():
                 raise TrajectoryError(f'no reference can be followed now: {obstacle}')
             if epoch is not self.epoch:
@@ -114,7 +113,7 @@ class GoalExecution:
 
     def cancel(self, goal: TrajectoryGoal) -> None:
         """Stop the arm if it executes this goal, which ends when the arm is at rest."""
-        with self._lock:
+        with self._controller.lock:
             if goal is self.goal:
                 self.stream.end()
                 goal.cancel()

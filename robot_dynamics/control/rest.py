@@ -10,15 +10,12 @@ from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.gate import LEFT
 from robot_dynamics.control.laws.law_table import NO_COMMAND
+from robot_dynamics.control.trajectory_goal import GOAL_TOLERANCE, LATE
 from robot_dynamics.joints.units import units_of
 
 USUAL_FRICTION, SURPLUS = 0.05, 0.4
 """Dry friction of usual gearboxes, as a fraction of the effort limit; and the share of known
 friction that may be more than its compensation."""
-TOLERANCE = 0.01
-"""[rad] or [m] that a joint may rest away from the end of its reference."""
-PATIENCE = 0.5
-"""[s] after the end of a reference."""
 
 
 class RestStiffness(NamedTuple):
@@ -76,19 +73,19 @@ def is_held(controller: Controller, q: FloatArray, error: FloatArray) -> BoolArr
 
 def shortfall(controller: Controller) -> str:
     """
-    Return which joint rests most beyond TOLERANCE from the end of its reference, and why.
+    Return which joint rests most beyond GOAL_TOLERANCE from the end of its reference, and why.
 
-    The result is empty if there is none, during a motion, and for PATIENCE seconds afterwards.
+    The result is empty if there is none, during a motion, and for LATE seconds afterwards.
     """
     with controller.lock:
         trajectory, state = controller.trajectory, controller.state
         if trajectory is None or state is None or (
-                state[0] < trajectory.end_ns + 1e9 * PATIENCE):
+                state[0] < trajectory.end_ns + 1e9 * LATE):
             return ''
         stamp_ns, q, _ = state
         e = controller.position_error(trajectory.sample(stamp_ns).position, q)
         j = int(np.argmax(np.abs(e)))
-        if not abs(e[j]) > TOLERANCE:
+        if not abs(e[j]) > GOAL_TOLERANCE:
             return ''
         arm, body = controller.dynamics.arm, controller.dynamics.rigid_body
         K = body.mass_matrix(q) * controller.laws.feedback_gains[0]
@@ -106,9 +103,9 @@ def shortfall(controller: Controller) -> str:
         cause = 'dry friction, which the model lacks, can hold it: identify friction and rotor'
     else:
         cause = 'a load that the model does not contain, or a contact, holds it'
-    others = [arm.joint_names[k] for k in np.flatnonzero(np.abs(e) > TOLERANCE) if k != j]
+    others = [arm.joint_names[k] for k in np.flatnonzero(np.abs(e) > GOAL_TOLERANCE) if k != j]
     too = f' ({", ".join(others)} too)' if others else ''
     return (
         f'{arm.joint_names[j]!r} rests {units.error_text(abs(e[j]))} from its goal, expected at '
-        f'most {units.error_text(TOLERANCE)}{too}: the feedback is {feedback[j]:.3g} '
+        f'most {units.error_text(GOAL_TOLERANCE)}{too}: the feedback is {feedback[j]:.3g} '
         f'{units.effort}, its stiffness {K[j, j]:.3g} {units.effort}/{units.position}; {cause}')

@@ -19,16 +19,16 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.gains.oscillation import REST_SPEED
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.trajectories.interpolation import Reference
 
-LATEST_START = 0.5
-"""[s] by which a goal may end late because the arm is not yet at its first point."""
-REST_SPEED = 0.025
-"""[rad/s] or [m/s] up to which a joint is at rest, as a mean over a time such as REST_TIME_NS."""
+LATE = 0.5
+"""[s] by which a goal may end late because the arm is not yet at its first point; and after the
+end of a reference, until which the arm may move."""
 REST_TIME_NS = 20_000_000
-"""[ns]"""
-DEFAULT_GOAL_TOLERANCE = 0.01
+"""[ns] over which no joint of an arm at rest moves faster than REST_SPEED."""
+GOAL_TOLERANCE = 0.01
 """Default distance [rad] or [m] from the goal at which it is reached."""
 DEFAULT_GOAL_TIME = 5.0
 """[s] after the end of the trajectory for the arm to reach the goal, without a given time; also
@@ -75,7 +75,7 @@ def default_tolerances(
 ) -> Tolerances:
     """Return tolerances of the `goal` (n,) only, 0 for none."""
     n = len(joint_names)
-    goal = np.full(n, DEFAULT_GOAL_TOLERANCE) if goal is None else goal
+    goal = np.full(n, GOAL_TOLERANCE) if goal is None else goal
     none = np.full(n, math.inf)
     return Tolerances(none, none, np.where(goal > 0.0, goal, math.inf), np.full(n, math.nan))
 
@@ -98,8 +98,7 @@ class TrajectoryGoal:
     ) -> None:
         """Judge the trajectory that the controller follows now; `when_done` must return soon."""
         self._controller, self._tolerances = controller, tolerances
-        self._when_done = when_done
-        self._names = controller.arm.joint_names
+        self._when_done, self._names = when_done, controller.arm.joint_names
         self._recent: deque[tuple[int, FloatArray]] = deque()
         """Stamps and positions of the last REST_TIME_NS, at least the last two."""
         self.is_stopping = False

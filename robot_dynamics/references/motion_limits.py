@@ -41,8 +41,9 @@ DEFAULT_VELOCITY = 1.0
 """Velocity limit [rad/s] or [m/s] of a joint without a limit in the URDF."""
 SPEED_UP_TIME = 0.2
 """Shortest time [s] in which a joint reaches its reference velocity, or stops."""
-JERK_TIME = 0.05
-"""Shortest time [s] in which a joint reaches its reference acceleration."""
+JERK_TIME = SPEED_UP_TIME / 4.0
+"""Shortest time [s] in which a joint reaches its reference acceleration: half of the shortest
+change of the velocity has a constant acceleration."""
 SLOWEST_FRACTION = 1e-3
 """Smallest acceleration and jerk, as fractions of the values from the two times above."""
 _POSES, _STOP_POSES = 40, 4

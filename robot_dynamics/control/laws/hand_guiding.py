@@ -46,6 +46,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
+from robot_dynamics.control.gate import LEFT
 from robot_dynamics.control.laws.computed_torque import REVERSAL_TIME
 from robot_dynamics.control.laws.control_law import (
     ControlLaw,
@@ -82,8 +83,7 @@ FULL_SPEED = 0.05
 """v_d [rad/s] or [m/s]."""
 MASS_ERROR, LEAST_SHARE = 0.07, LARGEST_SHARE * FRICTION_SHARE
 """Of gravity, in an unknown mass; and of known friction, from which α of the least true one."""
-PLAY = 0.03
-FAR = PLAY + 0.01
+PLAY, FAR = LEFT, LEFT + 0.01
 """Ways [rad] or [m] after which the compensation up to LEAST_SHARE begins and is complete."""
 FORGETTING = 1.0
 """Time constant [s] of the way."""
