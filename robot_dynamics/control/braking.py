@@ -1,20 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The damping of an arm in a fault, and the dry friction that may hold it."""
+"""The damping of an arm in a fault."""
 
 import math
 
 import numpy as np
-from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.gate import DECAY, LEFT
+from robot_dynamics.control.gate import DECAY
 
 FAULT_DAMPING = 0.5
 """Fraction of K_d with which a joint is damped in a fault."""
-USUAL_FRICTION, SURPLUS = 0.05, 0.4
-"""Dry friction of usual gearboxes, as a fraction of the effort limit; and the share of known
-friction that may be more than its compensation."""
 
 
 def braked(
@@ -35,7 +32,7 @@ def braked(
         ahead = q + controller.gains.lag * v if ahead is None else ahead
         torque = torque + (body.gravity(ahead) - body.gravity(q))
         M = body.mass_matrix(ahead)
-        K_p, K_d = controller.feedback_gains
+        K_p, K_d = controller.laws.feedback_gains
         a, limits = FAULT_DAMPING * K_d * v, controller.arm.limits
         if returns:
             a = a + K_p * (q - np.clip(q, limits.lower, limits.upper))
@@ -66,23 +63,3 @@ def coasting(
     left = math.exp(-DECAY * max(passed - since, 0.0))
     ahead = q + v * (min(passed, since) + (1.0 - left) / DECAY)
     return braked(controller, q, left * v, holding, ahead)
-
-
-def is_held(controller: Controller, q: FloatArray, error: FloatArray) -> BoolArray:
-    """
-    Return at which joints (n,) dry friction can hold the arm against the feedback, at rest.
-
-    `q` and `error`, the reference minus q, are (n,) [rad] or [m]. Known friction is compensated
-    but for SURPLUS; other friction is assumed to be as large as usual in gearboxes. A further
-    error of LEFT is tolerated.
-    """
-    friction, limit = controller.arm.friction.at_rest, controller.arm.limits.effort
-    usual = np.where(np.isfinite(limit), USUAL_FRICTION * limit, 0.0)
-    with controller.lock:
-        M, (K_p, K_d) = controller.dynamics.rigid_body.mass_matrix(q), controller.feedback_gains
-    drives = controller.options.drive_stiffness
-    viscous = controller.arm.friction.viscous * K_p / np.maximum(K_d, 1e-9)
-    K = M * K_p + np.diag(viscous) if drives is None else np.diag(drives)
-    known = friction.static + friction.offset
-    holding = np.where(known > 0.0, SURPLUS * known, usual) + LEFT * np.diagonal(K)
-    return np.asarray(np.abs(K @ error) <= holding)

@@ -50,6 +50,8 @@ class ControlOutput:
     """
     clamped: BoolArray | None = None
     """Marks the joints of `command` that met their effort limit; None if none did."""
+    limits: tuple[str, ...] = ()
+    """The names of the limits that have changed the command."""
 
     @property
     def gravity_compensation(self) -> FloatArray:
@@ -84,8 +86,19 @@ class ControlOutput:
 
     def holding_torque(self) -> FloatArray:
         """Return the same as torques at the joints."""
-        gravity = self.robot.without_gravity(self.gravity_compensation)
+        gravity = self.gravity_compensation - self.robot.gravity
         return self.bounds.bounded(gravity, self.robot)[0]
+
+    def motion_equation(
+        self, q: FloatArray, v: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return M(q) (n, n), and C(q, v) v + friction (n,), as command efforts."""
+        with self.lock:
+            body, drive = self.state.dynamics.rigid_body, self.drive
+            M, passive = body.mass_matrix(q), self.law.friction - self.robot.friction
+            passive = passive + body.nonlinear(q, v) - body.gravity(q)
+            return (M, passive) if drive is None else (
+                M / drive.scale[:, np.newaxis], passive / drive.scale)
 
     @property
     def terms(self) -> EffortTerms | None:

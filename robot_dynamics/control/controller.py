@@ -19,7 +19,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.followed_reference import FollowedReference, LastState, Prepared
 from robot_dynamics.control.gains.gain_scaling import StableGains
-from robot_dynamics.control.gains.oscillation import FLOOR
+from robot_dynamics.control.gains.oscillation import REST_SPEED
 from robot_dynamics.control.laws.control_law import ControlLaw, LawInput, LawTopic
 from robot_dynamics.control.laws.error_feedback import Tracking
 from robot_dynamics.control.laws.law_table import all_laws, NO_COMMAND
@@ -90,18 +90,27 @@ class Controller:
             if options.command != self.options.command:
                 self.followed.end()
             self.options, self.laws, self._bounds, self._robot = options, laws, bounds, robot
+            self.law = laws.law
+            """The law that `options.command` names."""
             self._limit_motion()
 
     def _limit_motion(self) -> None:
         """Derive the limits of references and gains from the arm, the load and the options."""
         options, workspace, scaled = self.options, self.load.workspace, self._bounds.scaled
         rate = np.broadcast_to(options.effort_rate, scaled.shape)
-        self.followed.limit(
-            workspace.motion_limits(scaled, rate) if options.conditions_references else None,
-            options.stream_timeout, lambda limits, q, v: limits.with_braking(
-                self.load.dynamics.rigid_body, scaled, rate, q, v))
+        self._motion_limits = (
+            workspace.motion_limits(scaled, rate) if options.conditions_references else None)
+        self.followed.generator.stream_timeout = options.stream_timeout
+        self.followed.brake = lambda limits, q, v: limits.with_braking(
+            self.load.dynamics.rigid_body, scaled, rate, q, v)
         self.laws.limit(workspace, rate)
-        self.followed.scale(self.gains.reference_scale)
+        self._scale_references()
+
+    def _scale_references(self) -> None:
+        """Follow new references with the fraction of the limits that the gains permit."""
+        limits = self._motion_limits
+        self.followed.limits = None if limits is None else (
+            limits.slower(self.gains.reference_scale))
 
     # ------------------------------------------------------------------ references
 
@@ -132,7 +141,7 @@ class Controller:
     def _check_follows(self) -> tuple[int, FloatArray, FloatArray]:
         """Return the last state; raise TrajectoryError if no reference can start from it."""
         if not self.laws.follows:
-            names = [name for name, law in all_laws().items() if getattr(law, 'follows', True)]
+            names = [name for name, law in all_laws().items() if law.follows]
             raise TrajectoryError(
                 f'command is {self.options.command!r}, expected '
                 f'{" or ".join(map(repr, names))} to follow a reference')
@@ -161,11 +170,6 @@ class Controller:
         with self.lock:
             self.followed.end(self.options.stops_and_holds)
 
-    def restart_states(self) -> None:
-        """Treat the next state as a first one: it need not be consistent with the last state."""
-        with self.lock:
-            self.state = None
-
     @property
     def reference(self) -> Reference | None:
         """The reference at the last state, None without one."""
@@ -180,11 +184,6 @@ class Controller:
     def position_error(self, reference: FloatArray, q: FloatArray) -> FloatArray:
         """Return reference minus q (n,); of continuous joints the shortest angle."""
         return self.laws.feedback.position_error(reference, q)
-
-    def reference_position(self) -> FloatArray | None:
-        """Return the position of the reference (n,) at the last state, None without one."""
-        reference = self.reference
-        return None if reference is None else reference.position
 
     # ------------------------------------------------------------------ the arm
 
@@ -209,7 +208,7 @@ class Controller:
                 self.load.begin_transition(load, transition_time, when_done)
                 self._limit_motion()
         if transition_time == 0.0:
-            when_done(load.planning.arm.payloads)
+            when_done(load.dynamics.arm.payloads)
 
     def set_gravity(self, gravity: FloatArray, rate: float) -> None:
         """
@@ -224,20 +223,11 @@ class Controller:
                 self.load.begin_gravity_change(load, rate)
                 self._limit_motion()
 
-    @property
-    def law(self) -> ControlLaw:
-        """The law that `options.command` names."""
-        return self.laws.law
-
     def deliver(self, topic: LawTopic, message: Any) -> None:
         """Let the law take a message of a topic, between two states, if the topic is its own."""
         with self.lock:
             if topic in self.law.TOPICS:
                 topic.take(self.law, message)
-
-    def __repr__(self) -> str:
-        following = 'no reference' if self.trajectory is None else 'following a reference'
-        return f'<Controller of {self.dynamics.arm!r}, {self.options.command}, {following}>'
 
     # ------------------------------------------------------------------ the control path
 
@@ -254,25 +244,23 @@ class Controller:
         load, gains, laws = self.load, self.gains, self.laws
         if load.changes:
             load.advance(stamp_ns)
-        law, q_ahead, lag, last = laws.at_rest, q, 0.0, self.state
+        law, q_ahead, last = laws.at_rest, q, self.state
         self._interval = 0.0 if last is None else 1e-9 * (stamp_ns - last[0]), velocity_delay
         self.state = stamp_ns, q, v
         reference = self.followed
-        trajectory = reference.active
+        trajectory = reference.generator.active
         if self.may_hold and (
                 laws.holds or reference.stops_next if trajectory is None else
                 trajectory is reference.first_stop and (last is None or stamp_ns != last[0])):
             trajectory = reference.stop_from(last is None, stamp_ns, q, v)
         if trajectory is not None:
-            law, lag = laws.with_reference, gains.lag
-            if lag > 0.0:  # the arm moves before the effort acts
-                q_ahead = q + lag * v
-        state = LawInput(
-            load.dynamics, stamp_ns, q, v, q_ahead, trajectory, laws.feedback, lag)
+            law = laws.with_reference
+            if gains.lag > 0.0:  # the arm moves before the effort acts
+                q_ahead = q + gains.lag * v
+        state = LawInput(load.dynamics, stamp_ns, q, v, q_ahead, trajectory, laws.feedback)
         answer, options, drive = law(state), self.options, self.arm.drive
         effort, bounds, self._tracking = answer.effort, self._bounds, answer.tracking
-        is_clear = math.dist(effort.tolist(), bounds.center) <= bounds.clearance or (
-            bounds.is_clear(effort))
+        is_clear = bounds.range.contains(effort.tolist())
         if not is_clear and not np.isfinite(effort).all():
             raise NonFiniteEffortError(
                 f'the efforts at position {q.tolist()} are not finite: gravity '
@@ -282,17 +270,20 @@ class Controller:
         if options.effort_convention.robot_compensates:
             robot = robot_effort(
                 options.effort_convention, own.rigid_body.gravity(state.q),
-                None if effort is answer.gravity else answer.friction, drive)
+                0.0 if effort is answer.gravity else answer.friction, drive)
         output = ControlOutput(
             state, answer, gains.least * answer.scale, robot, own, bounds, drive, self.lock)
         if options.command == NO_COMMAND:
             return output
         output.command = effort
+        if answer.scale < 1.0:
+            output.limits = ('scaled gains',)
         if robot is not NOTHING or not is_clear:
             output.command, clamped = bounds.bounded(
                 robot.command(effort), robot,
                 None if effort is answer.gravity else output.holding_torque())
-            output.clamped = clamped if clamped.any() else None
+            if clamped.any():
+                output.clamped, output.limits = clamped, (*output.limits, 'effort limit')
         if drive is not None:
             output.command = drive.command(output.command)
         return output
@@ -302,38 +293,12 @@ class Controller:
         laws, state, tracking = self.laws, self.state, self._tracking
         if state is None or not self.options.scales_gains:
             return
-        (stamp_ns, _, v), is_in_contact = state, laws.with_reference.is_in_contact
-        has_changed = self.gains.take(*self._interval, v, is_in_contact)
-        oscillation = laws.oscillation
-        if tracking is not None and self.gains.is_known and not is_in_contact and (
-                tracking.largest > FLOOR or oscillation.factor < 1.0):
+        (stamp_ns, _, v), oscillation = state, laws.oscillation
+        has_changed = self.gains.take(*self._interval, v)
+        if tracking is not None and self.gains.is_known and (
+                tracking.largest > REST_SPEED or oscillation.factor < 1.0):
             has_changed |= oscillation.take(
                 1e-9 * stamp_ns, tracking.error, tracking.velocity - v)
         if has_changed:
             laws.scale()
-            self.followed.scale(self.gains.reference_scale)
-
-    def motion_equation(
-        self, output: ControlOutput, q: FloatArray, v: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return M(q) (n, n), and C(q, v) v + friction (n,) of the output, as command efforts."""
-        with self.lock:
-            body, drive, robot = self.load.dynamics.rigid_body, self.arm.drive, output.robot
-            M, passive = body.mass_matrix(q), output.law.friction
-            if robot.friction is not None:
-                passive = passive - robot.friction
-            passive = passive + body.nonlinear(q, v) - body.gravity(q)
-            return (M, passive) if drive is None else (
-                M / drive.scale[:, np.newaxis], passive / drive.scale)
-
-    def stiffness(self, q: FloatArray) -> FloatArray | None:
-        """Return the scaled stiffness (n,) [N·m/rad] or [N/m] at q (n,), None without one."""
-        if not self.laws.follows or self.options.command == NO_COMMAND:
-            return None
-        return self.laws.with_reference.stiffness(self.load.dynamics.rigid_body.mass_matrix(q))
-
-    @property
-    def feedback_gains(self) -> tuple[FloatArray, FloatArray]:
-        """K_p [1/s²] and K_d [1/s] (n,) of the feedback in use, scaled."""
-        return self.laws.feedback_gains
-
+            self._scale_references()

@@ -11,15 +11,14 @@ from the next measured state. Before the command ends, the arm has stopped and w
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.gains.oscillation import REST_SPEED
 from robot_dynamics.control.goal_execution import GoalExecution
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.supervisor import CommandSupervisor, Mode
 
-AT_REST, SLOW = 0.002, 0.03
-"""[rad] or [m] that no joint moves in REST_TIME when it has stopped, and its velocity then."""
 REST_TIME_NS = 100_000_000
-"""[ns]"""
+"""[ns] for which no joint moves faster than REST_SPEED when the arm has stopped."""
 
 
 class Endings:
@@ -50,9 +49,10 @@ class Endings:
 
     def restart(self, now: float, reason: str) -> None:
         """End the reference: the next states continue from another place or time."""
-        self._controller.restart_states()
-        ending = Ending(Kind.HOLD, f'joint states restarted: {reason}')
-        if self._controller.trajectory is None:
+        controller, ending = self._controller, Ending(
+            Kind.HOLD, f'joint states restarted: {reason}')
+        controller.state = None  # the next one need not be consistent with the last one
+        if controller.trajectory is None:
             self._goals.end(ending)
         else:
             self.end(now, ending)
@@ -99,7 +99,7 @@ class Endings:
         """Return whether the reference has ended, and the arm was held for REST_TIME since."""
         if self._rest is None or not self._controller.has_stopped or not (
                 0 <= stamp_ns - self._rest[0] <= 2 * REST_TIME_NS) or not bool(
-                (np.abs(q - self._rest[1]) <= AT_REST).all()):
+                (np.abs(q - self._rest[1]) <= 1e-9 * REST_TIME_NS * REST_SPEED).all()):
             self._rest = stamp_ns, q
             return False
-        return stamp_ns - self._rest[0] >= REST_TIME_NS and bool((np.abs(v) <= SLOW).all())
+        return stamp_ns - self._rest[0] >= REST_TIME_NS and bool((np.abs(v) <= REST_SPEED).all())

@@ -60,13 +60,10 @@ class FeedForward:
         if is_off or output.command is None:
             self._held = None
             return None
-        reference, q = output.reference, output.state.q
-        if reference is not None or not loop.controller.laws.follows:
-            self._held = None
-        if reference is None:
-            reference = self._held or Reference(q.copy(), np.zeros_like(q), np.zeros_like(q))
-            if loop.controller.laws.follows:
-                self._held = reference
+        q = output.state.q
+        reference = output.reference or self._held or Reference(q.copy(), 0.0 * q, 0.0 * q)
+        holds = output.reference is None and loop.controller.laws.follows
+        self._held = reference if holds else None
         return DriveCommand(
             reference.position, reference.velocity, self._effort(output, reference))
 
@@ -80,8 +77,6 @@ class FeedForward:
             if not convention.compensates_friction and options.friction_compensation != 'none':
                 tau = tau + dynamics.friction.tracking_effort(v, np.zeros_like(v), 0.0, tau)
             tau = np.clip(tau, -output.bounds.scaled, output.bounds.scaled)
-            if convention.robot_compensates:
-                tau = robot_effort(
-                    convention, output.unloaded.rigid_body.gravity(q), None, output.drive,
-                ).without_gravity(tau)
+            tau = robot_effort(
+                convention, output.unloaded.rigid_body.gravity(q), 0.0, output.drive).command(tau)
         return tau if output.drive is None else output.drive.command(tau)

@@ -44,11 +44,11 @@ class FollowedReference:
 
     def __init__(self, arm: ArmModel) -> None:
         self._arm = arm
-        self._generator = ReferenceGenerator(arm.joint_names, [
+        self.generator = ReferenceGenerator(arm.joint_names, [
             name for name, kind in zip(arm.joint_names, arm.joint_kinds) if kind == 'continuous'])
-        self._full: MotionLimits | None = None
-        self._limits: MotionLimits | None = None
-        self._brake: Brake = lambda limits, q, v: limits
+        self.limits: MotionLimits | None = None
+        """The limits of new references, None for none."""
+        self.brake: Brake = lambda limits, q, v: limits
         self.first_stop: ActiveTrajectory | None = None
         """The stop at a first state, which the second state replaces."""
         self.stops_next = False
@@ -59,22 +59,7 @@ class FollowedReference:
     @property
     def active(self) -> ActiveTrajectory | None:
         """The trajectory or stop that is followed, or None."""
-        return self._generator.active
-
-    def limit(
-        self, limits: MotionLimits | None, stream_timeout: float, brake: Brake,
-    ) -> None:
-        """
-        Set the limits of motion, which `scale` applies, and the timeout [s] of set-points.
-
-        `brake` returns limits with the braking that is possible from a state.
-        """
-        self._full, self._brake = limits, brake
-        self._generator.stream_timeout = stream_timeout
-
-    def scale(self, scale: float) -> None:
-        """Follow new references with this fraction of the limits."""
-        self._limits = None if self._full is None else self._full.slower(scale)
+        return self.generator.active
 
     def feasible(
         self, trajectory: JointTrajectory, planning: ArmDynamics, options: ControllerOptions,
@@ -84,27 +69,21 @@ class FollowedReference:
 
         Raises TrajectoryError if the arm cannot follow the trajectory, or for other joints.
         """
-        self._generator.check_joints(trajectory)
-        limits = self._limits
+        self.generator.check_joints(trajectory)
+        limits = self.limits
         if options.checks_goals:
-            trajectory = self._within_limits(
-                trajectory, options, options.slows_down and limits is not None)
+            if options.clips_positions:
+                trajectory = with_clipped_positions(self._arm, trajectory)
+            if options.slows_down and trajectory.is_set_point:
+                trajectory = with_clipped_velocity(self._arm, trajectory)
+            check_points(
+                self._arm, trajectory,
+                has_velocities=limits is None or not options.slows_down)
         if limits is None or trajectory.is_set_point:
             return trajectory, 1.0
         return feasible_trajectory(
             planning, trajectory, limits.lowered, options.effort_limit_fraction,
             options.slows_down)
-
-    def _within_limits(
-        self, trajectory: JointTrajectory, options: ControllerOptions, is_slowed: bool,
-    ) -> JointTrajectory:
-        """Return a trajectory with its points within the limits; raise TrajectoryError."""
-        if options.clips_positions:
-            trajectory = with_clipped_positions(self._arm, trajectory)
-        if options.slows_down and trajectory.is_set_point:
-            trajectory = with_clipped_velocity(self._arm, trajectory)
-        check_points(self._arm, trajectory, has_velocities=not is_slowed)
-        return trajectory
 
     def start(
         self, trajectory: JointTrajectory, slowness: float,
@@ -115,14 +94,14 @@ class FollowedReference:
 
         Raises TrajectoryError, also if the trajectory would end more than `latest` [s] late.
         """
-        before = self._generator.active
+        before = self.generator.active
         # A planned motion may be faster than the limits of references.
         self._limit_braking(
             *state[1:], before is not None and not before.trajectory.is_set_point)
-        active = self._generator.start(trajectory, *state, stamp_ns=stamp_ns)
+        active = self.generator.start(trajectory, *state, stamp_ns=stamp_ns)
         late_ns = active.end_ns - (stamp_ns or state[0]) - trajectory.times_ns[-1]
         if late_ns > 1e9 * latest:
-            self._generator.active = before
+            self.generator.active = before
             raise TrajectoryError(
                 f'the trajectory would end {1e-9 * late_ns:.3g} s late, expected at most '
                 f'{latest:g} s: the arm has to move to its first point before')
@@ -131,14 +110,13 @@ class FollowedReference:
 
     def _limit_braking(self, q: FloatArray, v: FloatArray, is_local: bool) -> None:
         """Brake with the limits of the workspace, or with those of the poses of a stop."""
-        limits = self._limits
-        if limits is not None and is_local:
-            limits = self._brake(limits, q, v)
-        self._generator.limits = limits
+        limits = self.limits
+        self.generator.limits = limits if limits is None or not is_local else (
+            self.brake(limits, q, v))
 
     def end(self, holds: bool = False) -> None:
         """End the reference; if `holds`, a stop from the next measured state is wanted."""
-        self._generator.clear()
+        self.generator.clear()
         self.stops_next = holds
 
     def stop_from(
@@ -165,4 +143,4 @@ class FollowedReference:
         fastest = np.minimum(FASTEST_STOP * self._arm.limits.velocity, LARGEST_VALUE)
         q, v = np.clip(q, -LARGEST_VALUE, LARGEST_VALUE), np.clip(v, -fastest, fastest)
         self._limit_braking(q, v, True)
-        self._generator.stop(stamp_ns, q, v)
+        self.generator.stop(stamp_ns, q, v)

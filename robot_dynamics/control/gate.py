@@ -25,9 +25,9 @@ wrong judgement costs only bandwidth:
 A joint does not stop between two samples: at a constant deceleration, its last step is at most a
 third of the step before. If its position repeats bit by bit although velocity and last step were
 above MOVING, and this step above half of the step before, its sample is missing: its position is
-continued with its last velocity until it changes. After LOST the joint has no signal: the fault
-brakes it, and its velocity is assumed to decay with DECAY. A slower joint may stand. It has no
-signal if its reference moves on by LEFT where friction cannot hold it, while others move, or if
+continued with its last velocity until it changes. After STATE_TIMEOUT the joint has no signal: the
+fault brakes it, and its velocity is assumed to decay with DECAY. A slower joint may stand. It has
+no signal if its reference moves on by LEFT where friction cannot hold it, while others move, or if
 its velocity, which agreed, repeats as well and would have moved it by FLOOR. If the whole state
 repeats in motion, there is no new state; without a command, brakes may hold the arm.
 """
@@ -38,16 +38,19 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, NANOSECONDS_PER_SECOND, wrap_to_pi
+from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
 from robot_dynamics.control.laws.error_feedback import DEFAULT_NATURAL_FREQUENCY
-from robot_dynamics.control.safety.fault_action import SafetyOptions
+from robot_dynamics.control.safety.faults import STATE_TIMEOUT
 from robot_dynamics.monitoring.state_plausibility import (
     LARGEST_SPEED,
     PLAY,
     StatePlausibility,
     StateVerdict,
 )
+from robot_dynamics.trajectories.interpolation import Reference
 
-SPAN_NS = 8_000_000
+SPAN_NS = round(1e9 * LOOP_DELAY)
+"""[ns]: half of it adds to the delay of the loop."""
 LEAST_SPAN_NS = SPAN_NS // 4
 """Stamps of a shorter span, after a first state, are too inexact."""
 FAR, MISSED = 0.5, 2
@@ -59,12 +62,11 @@ MEMORY, AGREEMENT = 0.1, 1.0
 MOVING = 0.1
 """[rad/s] or [m/s] from which a joint does not stop in one sample."""
 LEFT = 0.03
-"""[rad] or [m] that the reference of a joint that stands may move, and may be away from it."""
-LOST = SafetyOptions.state_timeout
-"""[s] for which a joint is assumed to move on without a new sample, as an arm without states."""
+"""[rad] or [m] that the reference of a joint that stands may move, and may be away from it: dry
+friction may hold it, and a gearbox may yield."""
 DECAY = DEFAULT_NATURAL_FREQUENCY
-"""[1/s] with which it then stops: `braking.FAULT_DAMPING` times K_d of the default gains."""
-_LOST_NS = round(LOST * NANOSECONDS_PER_SECOND)
+"""[1/s] with which a lost joint stops: `braking.FAULT_DAMPING` times K_d of the default gains."""
+_LOST_NS = round(STATE_TIMEOUT * NANOSECONDS_PER_SECOND)
 _PAUSE_NS = NANOSECONDS_PER_SECOND // 2
 """[ns] between two states after which the difference of their positions gives no velocity."""
 _MOST = 100
@@ -85,26 +87,23 @@ class Signals(NamedTuple):
     lost: BoolArray | None = None
 
 
-def _not_held(q: FloatArray, error: FloatArray) -> BoolArray:
-    return np.zeros(len(q), dtype=bool)
-
-
 class Gate:
     """Judges the states of n joints one after the other; for one thread."""
 
     def __init__(
         self, joint_names: tuple[str, ...], wraps: BoolArray, velocity_limit: FloatArray,
-        max_age: float, reference: Callable[[], FloatArray | None] = lambda: None,
-        is_held: Callable[[FloatArray, FloatArray], BoolArray] = _not_held,
+        max_age: float, reference: Callable[[], Reference | None] = lambda: None,
+        is_held: Callable[[FloatArray, FloatArray], BoolArray] = (
+            lambda q, error: np.zeros(len(q), dtype=bool)),
         is_commanded: Callable[[], bool] = lambda: False,
     ) -> None:
         """
         Take the velocity limits (n,), infinite for none, and the largest age of a state [s].
 
         `wraps` (n,) marks the continuous joints: their positions may jump by a turn. `reference`
-        returns the position of the reference (n,), or None. `is_held` returns at which joints (n,)
-        friction can hold an arm at q (n,) with a position error (n,). `is_commanded` returns
-        whether a command moves or holds the arm.
+        returns the reference, or None. `is_held` returns at which joints (n,) friction can hold an
+        arm at q (n,) with a position error (n,). `is_commanded` returns whether a command moves or
+        holds the arm.
         """
         self.plausibility = StatePlausibility(joint_names, velocity_limit, max_age, wraps)
         self._reference, self._is_held, self._is_commanded = reference, is_held, is_commanded
@@ -112,35 +111,38 @@ class Gate:
         self._far: list[float] = (FAR * np.minimum(velocity_limit, LARGEST_SPEED)).tolist()
         self._agreed = [AGREEMENT] * len(wraps)
         """[s] in motion for which the velocity of each joint has agreed with its positions."""
+        self._none: BoolArray = np.zeros(len(wraps), dtype=bool)
         self._measured: FloatArray = np.full(len(wraps), np.nan)
         self._measured_v: FloatArray | None = None
         self._first(StateVerdict(False), self._measured)
 
     def _first(self, verdict: StateVerdict, q: FloatArray) -> Signals:
         """Return the signals at a first state."""
-        n = len(q)
-        self._signals = Signals(q, np.zeros(n), verdict)
+        zero = np.zeros(len(q))
+        self._signals = Signals(q, zero, verdict)
         self._ways: deque[tuple[int, FloatArray]] = deque([(verdict.stamp, q)], maxlen=_MOST)
         """Stamps [ns], and the sums (n,) of the steps until then."""
-        self._integral, self._moved = [0.0] * n, [0.0] * n
+        self._integral, self._moved, self._way = ([0.0] * len(q) for _ in range(3))
+        """Of each joint the excess of the displacement over the integral, and the displacement;
+        and the way while samples of the velocity are missing."""
+        self._missed = [0] * len(q)
+        """Samples in a row of each velocity that are missing."""
         self._before: list[float] | None = None
         """Velocities of the last state."""
-        self._missed, self._way = [0] * n, [0.0] * n
-        """Samples in a row of each velocity that are missing, and the way in this time."""
         self._has_jumped = False
         """Whether a position has jumped by more than PLAY between velocities that agree."""
-        self._step = 1.0, np.zeros(n)
+        self._step: tuple[float, FloatArray] = 1.0, zero
         """Duration [s] and length (n,) of the last step."""
-        self._fast: BoolArray = np.zeros(n, dtype=bool)
+        self._fast = self._none
         """Which joints (n,) were so fast in the last step that they cannot stand now."""
-        self._missing_ns = np.zeros(n, dtype=np.int64)
+        self._missing_ns = np.zeros(len(q), dtype=np.int64)
         """Time (n,) since the last sample of each joint that is missing, 0 for others."""
-        self.plausibility.unseen = np.zeros(n)
+        self.plausibility.unseen = zero
         self._lost: BoolArray | None = None
         """Which joints (n,) have no signal, None for none."""
         self._left: FloatArray | None = None
         """The reference (n,) when the position of each joint began to repeat."""
-        self._claimed: FloatArray = np.zeros(n)
+        self._claimed = zero
         """Way (n,) that measured velocities state, while they and the positions repeat."""
         self._is_missing = self._is_silent = False
         return self._signals
@@ -176,15 +178,32 @@ class Gate:
                 return self._first(verdict, q)
             self._is_silent = True
             return self._signals._replace(verdict=verdict._replace(is_new=False))
-        dt, step = 1e-9 * passed_ns, q - self._signals.q
+        step = q - self._signals.q
         if self._any_wraps and not step.dot(step) <= np.pi**2:
             step = np.where(self._wraps, wrap_to_pi(step), step)
         if self._is_missing or any(repeats) and not are_all:
-            left = self._left_behind(q, same) | self._contradicts(dt, same, v, v_before)
+            left = self._left_behind(q, same)
+            if v is not None and v_before is not None:
+                left = left | self._contradicts(1e-9 * passed_ns, same & (v == v_before), v)
             q, step = self._continued(passed_ns, q, step, same, left)
         else:
             self._left, self._claimed = None, 0.0 * q
-        d, span = self._difference_quotient(verdict.stamp, step)
+        return self._taken(verdict, 1e-9 * passed_ns, q, v, step)
+
+    def _taken(
+        self, verdict: StateVerdict, dt: float, q: FloatArray, v: FloatArray | None,
+        step: FloatArray,
+    ) -> Signals:
+        """Return the signals at a state that follows the last one after a step (n,)."""
+        ways, stamp_ns, last_v = self._ways, verdict.stamp, self._signals.v
+        ways.append((stamp_ns, ways[-1][1] + step))
+        while len(ways) > 2 and stamp_ns - ways[1][0] >= SPAN_NS:
+            ways.popleft()
+        (begin_ns, begin), (_, end) = ways[0], ways[-1]
+        span = (stamp_ns - begin_ns) / NANOSECONDS_PER_SECOND
+        d = (end - begin) / span if stamp_ns - begin_ns >= LEAST_SPAN_NS else last_v
+        if self._is_missing:
+            d = np.where(self._missing_ns > 0, last_v, d)
         used, is_late = (d, True) if v is None else self._agreeing(dt, d, v, step)
         if self._has_jumped:
             return self._first(verdict._replace(restart='jump'), q)
@@ -193,26 +212,15 @@ class Gate:
             q, used, verdict, 0.5 * span if is_late else 0.0, self._lost)
         return self._signals
 
-    def _difference_quotient(self, stamp_ns: int, step: FloatArray) -> tuple[FloatArray, float]:
-        """Return that of the positions (n,), that of missing joints continued, and its span."""
-        ways, last_v = self._ways, self._signals.v
-        ways.append((stamp_ns, ways[-1][1] + step))
-        while len(ways) > 2 and stamp_ns - ways[1][0] >= SPAN_NS:
-            ways.popleft()
-        (begin_ns, begin), (_, end) = ways[0], ways[-1]
-        span = (stamp_ns - begin_ns) / NANOSECONDS_PER_SECOND
-        d = (end - begin) / span if stamp_ns - begin_ns >= LEAST_SPAN_NS else last_v
-        return np.where(self._missing_ns > 0, last_v, d) if self._is_missing else d, span
-
     def _agreeing(
         self, dt: float, d: FloatArray, v: FloatArray, step: FloatArray,
     ) -> tuple[FloatArray, bool]:
         """Return the measured velocities that agree, else d, (n,), and whether d is needed."""
-        used, is_late, keep = d.tolist(), False, 1.0 - min(dt / MEMORY, 1.0)
-        w, m, agreed, missed = self._integral, self._moved, self._agreed, self._missed
+        used, is_late, keep = v.tolist(), False, max(1.0 - dt / MEMORY, 0.0)
+        integral, moved, agreed, missed = self._integral, self._moved, self._agreed, self._missed
         before = self._before or v.tolist()
-        for j, (v_j, d_j, step_j, far, last, missing_ns) in enumerate(zip(
-                v.tolist(), used, step.tolist(), self._far, self._signals.v.tolist(),
+        for j, (v_j, d_j, step_j, far, last, b_j, missing_ns) in enumerate(zip(
+                v.tolist(), d.tolist(), step.tolist(), self._far, self._signals.v.tolist(), before,
                 self._missing_ns.tolist())):
             if missing_ns:
                 v_j = d_j
@@ -227,19 +235,18 @@ class Gate:
                 if missed[j] <= MISSED and not -PLAY <= self._way[j] + step_j <= PLAY:
                     self._has_jumped = True
                 missed[j], self._way[j] = 0, 0.0
-            low, high = (before[j], v_j) if before[j] < v_j else (v_j, before[j])
-            w[j] = keep * w[j] + step_j - min(max(step_j, dt * low), dt * high)
-            m[j] = keep * m[j] + step_j
+            low, high = (dt * b_j, dt * v_j) if b_j < v_j else (dt * v_j, dt * b_j)
+            beyond = step_j - low if step_j < low else step_j - high if step_j > high else 0.0
+            integral[j] = w = keep * integral[j] + beyond
+            moved[j] = m = keep * moved[j] + step_j
             before[j] = v_j
-            tolerance = FLOOR + RATIO * abs(m[j])
-            if not -tolerance <= w[j] <= tolerance:
+            if not -FLOOR <= w <= FLOOR and not abs(w) <= FLOOR + RATIO * abs(m):
                 agreed[j] = 0.0
-            elif agreed[j] < AGREEMENT and not missed[j] and abs(m[j]) > FLOOR:
+            elif agreed[j] < AGREEMENT and not missed[j] and abs(m) > FLOOR:
                 agreed[j] += dt
             if agreed[j] < AGREEMENT:
-                is_late = True
-            else:
-                used[j] = v_j
+                is_late, v_j = True, d_j
+            used[j] = v_j
         self._before = before
         return np.array(used), is_late
 
@@ -247,30 +254,26 @@ class Gate:
         """Return which joints (n,) are too fast to stand at the next state."""
         (dt_before, before), self._step = self._step, (dt, step)
         if v.dot(v) <= MOVING * MOVING or dt > 2.0 * dt_before:  # it may have stopped in a gap
-            return np.zeros_like(self._fast)
+            return self._none
         speed = np.abs(step) / dt
         fast = (np.minimum(speed, np.abs(v)) > MOVING) & (speed > 0.5 / dt_before * np.abs(before))
         return fast & (self._missing_ns == 0) if self._is_missing else fast
 
     def _left_behind(self, q: FloatArray, same: BoolArray) -> BoolArray:
         """Return which joints (n,) stand although their reference leaves them, and others move."""
-        desired, before = None if same.all() else self._reference(), self._left
+        reference, before = None if same.all() else self._reference(), self._left
+        desired = None if reference is None else reference.position
         if desired is None or before is None:
             self._left = desired
-            return np.zeros_like(same)
+            return self._none
         self._left = np.where(same, before, desired)
         left = same & (np.abs(desired - self._left) > LEFT)
         return left & ~self._is_held(q, desired - q) if left.any() else left
 
-    def _contradicts(
-        self, dt: float, same: BoolArray, v: FloatArray | None, before: FloatArray | None,
-    ) -> BoolArray:
+    def _contradicts(self, dt: float, repeats: BoolArray, v: FloatArray) -> BoolArray:
         """Return which joints (n,) repeat a velocity with which they cannot stand so long."""
-        if v is None or before is None:
-            return np.zeros_like(same)
-        keep = max(1.0 - dt / AGREEMENT, 0.0)
-        claimed = keep * self._claimed + dt * np.abs(v)
-        self._claimed = np.where(same & (v == before), claimed, 0.0).astype(np.float64)
+        claimed = max(1.0 - dt / AGREEMENT, 0.0) * self._claimed + dt * np.abs(v)
+        self._claimed = np.where(repeats, claimed, 0.0)
         return (self._claimed > FLOOR) & ~self.doubtful
 
     def _continued(

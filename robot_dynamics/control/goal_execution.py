@@ -13,8 +13,7 @@ from robot_dynamics.control.safety.faults import FOLLOWING_ERROR
 from robot_dynamics.control.setpoint_stream import SetPointStream
 from robot_dynamics.control.trajectory_goal import (
     default_tolerances,
-    LATEST_START,
-    NO_SLOWER,
+    LATE,
     ResultCode,
     Tolerances,
     TrajectoryGoal,
@@ -39,8 +38,7 @@ class GoalExecution:
         `obstacle` returns why no reference can be followed now, empty if one can. `now` returns
         the time of a steady clock [s].
         """
-        self._controller, self._obstacle, self._lock = controller, obstacle, controller.lock
-        self._now = now
+        self._controller, self._obstacle, self._now = controller, obstacle, now
         self.epoch, self._revoked = object(), 'another model is used'
         """Another object after each stop and fault, and the reason of the last one."""
         self.stream = SetPointStream(controller.options.stream_timeout)
@@ -48,14 +46,11 @@ class GoalExecution:
         """The goal that is executed, or None."""
         self.interruption = ''
         """Reason why the last reference ended early, until the next reference."""
-        self.notice = ''
-        """Message for the operator; the caller that logs it sets it to an empty string."""
         self.paused_streams = 0
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
         """Follow a trajectory as `ControlLoop.follow` does."""
         epoch = self.epoch
-        self._check_obstacle()
         self._start(trajectory, self._controller.prepare(trajectory), stamp_ns, epoch)
 
     def execute(
@@ -68,32 +63,27 @@ class GoalExecution:
         `epoch` is that in which the goal was sent, by default the current one.
         """
         epoch = epoch or self.epoch
-        self._check_obstacle()
         prepared = self._controller.prepare(trajectory)
-        if prepared[1] > NO_SLOWER:
+        if round(prepared[1], 2) > 1.0:
             raise TrajectoryError(
                 f'the trajectory would take {prepared[1]:.3g} times its duration, expected the '
                 'duration itself: send a slower trajectory, such as that of ~/retime_trajectory')
-        with self._lock:
+        with self._controller.lock:
             self._start(
                 trajectory, prepared, stamp_ns, epoch,
-                math.inf if trajectory.is_set_point else LATEST_START)
+                math.inf if trajectory.is_set_point else LATE)
             self.goal = TrajectoryGoal(
                 self._controller, tolerances or default_tolerances(trajectory.joint_names),
                 when_done)
             return self.goal
 
-    def _check_obstacle(self) -> None:
-        obstacle = self._obstacle()
-        if obstacle:
-            raise TrajectoryError(f'no reference can be followed now: {obstacle}')
-
     def _start(
         self, trajectory: JointTrajectory, prepared: Prepared, stamp_ns: int, epoch: object,
         latest: float = math.inf,
     ) -> None:
-        with self._lock:
-            self._check_obstacle()
+        with self._controller.lock:
+            if obstacle := self._obstacle():
+                raise TrajectoryError(f'no reference can be followed now: {obstacle}')
             if epoch is not self.epoch:
                 raise TrajectoryError(self._revoked)
             self._controller.start(prepared, stamp_ns, latest)
@@ -123,7 +113,7 @@ class GoalExecution:
 
     def cancel(self, goal: TrajectoryGoal) -> None:
         """Stop the arm if it executes this goal, which ends when the arm is at rest."""
-        with self._lock:
+        with self._controller.lock:
             if goal is self.goal:
                 self.stream.end()
                 goal.cancel()
@@ -141,8 +131,5 @@ class GoalExecution:
     def pause(self) -> Ending:
         """Count a stream of set-points that has paused; return its ending."""
         self.paused_streams += 1
-        self.notice = (
-            'The stream of set-points paused for more than reference_timeout: the arm stops '
-            'and holds its position.')
         return Ending(
             Kind.HOLD, 'the stream of set-points paused for more than reference_timeout')

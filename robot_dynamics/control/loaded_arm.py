@@ -5,7 +5,6 @@
 
 from collections.abc import Callable, Sequence
 import math
-from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -17,13 +16,6 @@ from robot_dynamics.references.motion_limits import WorkspaceInertia
 
 LONGEST_STEP = 0.1
 """[s] between two states that counts for a change of gravity; a longer pause counts as this."""
-
-
-class PreparedLoad(NamedTuple):
-    """The data that are computed for loads and gravity before they replace the active ones."""
-
-    planning: ArmDynamics
-    workspace: WorkspaceInertia
 
 
 class LoadedArm:
@@ -40,7 +32,7 @@ class LoadedArm:
         """The arm without loads, with the active gravity."""
         self.unloaded = self.dynamics = UncheckedArmDynamics(arm)
         self.planning = ArmDynamics(arm)
-        self.workspace = self._planned_workspace = WorkspaceInertia(self.planning)
+        self.workspace = self._planned = WorkspaceInertia(self.planning)
         self._transition: PayloadTransition | None = None
         self._when_done: Callable[[tuple[Payload, ...]], None] = lambda _: None
         self._stamp_ns: int | None = None
@@ -51,20 +43,19 @@ class LoadedArm:
 
     def prepare(
         self, payloads: Sequence[Payload] | None = None, gravity: FloatArray | None = None,
-    ) -> PreparedLoad:
+    ) -> WorkspaceInertia:
         """
         Return the data of loads and gravity (3,) [m/s²], whose computation takes long.
 
         None stands for the loads or the gravity of the last exchange.
         """
         last = self.planning.arm
-        planning = ArmDynamics(
+        return WorkspaceInertia(ArmDynamics(
             self.arm.with_gravity(last.gravity if gravity is None else gravity).with_payloads(
-                last.payloads if payloads is None else payloads))
-        return PreparedLoad(planning, WorkspaceInertia(planning))
+                last.payloads if payloads is None else payloads)))
 
     def begin_transition(
-        self, load: PreparedLoad, transition_time: float,
+        self, load: WorkspaceInertia, transition_time: float,
         when_done: Callable[[tuple[Payload, ...]], None],
     ) -> None:
         """
@@ -73,16 +64,16 @@ class LoadedArm:
         During a transition, `workspace` is that of the heavier loads, until the next exchange.
         """
         self._plan(load)
-        payloads, self._when_done, self._transition = load.planning.arm.payloads, when_done, None
+        payloads, self._when_done, self._transition = self.planning.arm.payloads, when_done, None
         if transition_time > 0.0:
             self._transition = PayloadTransition(
                 self.dynamics.arm.payloads, payloads, transition_time)
         else:
             self._set_dynamics(payloads)
-            self.workspace = load.workspace
+            self.workspace = load
         self.changes = self._transition is not None or self._gravity_rate is not None
 
-    def begin_gravity_change(self, load: PreparedLoad, rate: float) -> None:
+    def begin_gravity_change(self, load: WorkspaceInertia, rate: float) -> None:
         """Let gravity change to that of `load`, at most by `rate` [m/s³]; ∞ changes it at once."""
         self._plan(load)
         self._gravity_rate = rate
@@ -91,11 +82,9 @@ class LoadedArm:
             self._set_dynamics(self.dynamics.arm.payloads)
         self.changes = self._transition is not None or self._gravity_rate is not None
 
-    def _plan(self, load: PreparedLoad) -> None:
-        self.planning = load.planning
-        self.workspace = load.workspace.heavier(
-            self.workspace if self.changes else self._planned_workspace)
-        self._planned_workspace = load.workspace
+    def _plan(self, load: WorkspaceInertia) -> None:
+        self.workspace = load.heavier(self.workspace if self.changes else self._planned)
+        self._planned, self.planning = load, load.dynamics
 
     def advance(self, stamp_ns: int) -> None:
         """Activate the loads and the gravity of this stamp during a transition."""

@@ -20,7 +20,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.braking import braked, coasting, is_held
+from robot_dynamics.control.braking import braked, coasting
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.endings import Endings
@@ -34,7 +34,8 @@ from robot_dynamics.control.options import (
     default_options,
     DEFAULT_STATE_MAX_AGE,
 )
-from robot_dynamics.control.safety.effort_limiter import ActiveLimits, EffortLimits
+from robot_dynamics.control.rest import is_held
+from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.control.safety.faults import Fault, FOLLOWING_ERROR
@@ -60,13 +61,13 @@ class LoopAnswer(NamedTuple):
     """
     The answer to a state: the effort to publish (n,), or None, and what led to it.
 
-    `limits` are the limits that have changed the effort, None if no limit has.
+    `limits` are the names of the limits that have changed the effort.
     """
 
     effort: FloatArray | None
     output: ControlOutput
     verdict: StateVerdict
-    limits: ActiveLimits | None = None
+    limits: tuple[str, ...] = ()
 
 
 class ControlLoop:
@@ -92,7 +93,7 @@ class ControlLoop:
         self.goals = GoalExecution(controller, lambda: self.obstacle, lambda: self._steady)
         self.gate = Gate(
             arm.joint_names, arm.is_continuous, arm.limits.velocity, DEFAULT_STATE_MAX_AGE,
-            controller.reference_position, partial(is_held, controller),
+            lambda: controller.reference, partial(is_held, controller),
             lambda: self.supervisor.limiter.last is not None)
         self.supervisor = CommandSupervisor(arm.joint_names, limits, safety)
         self.gate.plausibility.is_lock_step = safety.is_lock_step
@@ -166,7 +167,7 @@ class ControlLoop:
                 if options.command != before:
                     self.goals.end(Ending(Kind.HOLD, reason))
             controller.set_options(options)
-            self.goals.stream.set_timeout(options.stream_timeout)
+            self.goals.stream.timeout = options.stream_timeout
             self.supervisor.set_options(limits, safety)
             self.gate.plausibility.is_lock_step = safety.is_lock_step
 
@@ -295,21 +296,17 @@ class ControlLoop:
         if fault is None:
             effort = supervisor.usual(now, q, v, output.command, output.holding_effort, verdict.dt)
             if effort is not None:
-                if effort is output.command and output.law.scale == 1.0 and (
-                        output.clamped is None):
-                    return LoopAnswer(effort, output, verdict)
-                no_joint = supervisor.limiter.limits.no_joint
-                return LoopAnswer(effort, output, verdict, ActiveLimits(
-                    no_joint, no_joint, effort != output.command))
+                return LoopAnswer(effort, output, verdict, output.limits if (
+                    effort is output.command) else (*output.limits, 'effort rate'))
         if self.is_active and supervisor.mode is Mode.INACTIVE:
             supervisor.activate()
         brake: Brake = partial(braked, controller, returns=supervisor.was_inside)
         limited = supervisor.answer(
             now, q, v, output.command, output.holding_effort, verdict.dt, brake, fault,
-            partial(controller.motion_equation, output), output.state.trajectory is not None)
+            output.motion_equation, output.state.trajectory is not None)
         self._endings.follow_state(now, verdict.stamp, q, v)
-        return LoopAnswer(limited, output, verdict, supervisor.limiter.active if (
-            supervisor.mode is Mode.RUNNING) else None)
+        return LoopAnswer(limited, output, verdict, output.limits + (
+            supervisor.limiter.active if supervisor.mode is Mode.RUNNING else ()))
 
     @property
     def _awaits_command(self) -> bool:

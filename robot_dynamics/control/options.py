@@ -15,11 +15,10 @@ from robot_dynamics.control.laws.error_feedback import Gains, make_gains
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.references.motion_limits import DEFAULT_VELOCITY
 
 ERROR_TIME = 0.3
 """[s]: the limit of the following error is the distance at the velocity limit in this time."""
-DEFAULT_ERROR = 0.5
-"""[rad] or [m], limit of the following error of a joint without a velocity limit."""
 FULL_EFFORT_TIME = 0.1
 """Default time [s] in which the command may change by the effort limit of a joint."""
 DEFAULT_EFFORT_RATE = 1000.0
@@ -69,8 +68,8 @@ class ControllerOptions:
         if self.following_error is not None:
             limit = np.full_like(velocity_limit, self.following_error)
             return np.where(limit > 0.0, limit, math.inf)
-        return np.where(
-            np.isfinite(velocity_limit), ERROR_TIME * velocity_limit, DEFAULT_ERROR)
+        return ERROR_TIME * np.where(
+            np.isfinite(velocity_limit), velocity_limit, DEFAULT_VELOCITY)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -54,15 +54,20 @@ def pose_set_point(
     that are no pose, without a state, and for a pose out of reach.
     """
     arm, state = controller.arm, controller.state
-    base = _fixed_frame(arm, frame_id)
+    fixed = [name for name in arm.link_names if arm.link_frame(name).parentJoint == 0]
+    if frame_id not in fixed:
+        raise InvalidInputError(
+            f'header.frame_id is {frame_id!r}, expected one of the links that no joint moves: '
+            f'{fixed}')
+    base = arm.link_frame(frame_id).placement
     p = check_vector('pose.position', translation, 3, ('x', 'y', 'z'), LARGEST_VALUE)
     turn = np.zeros(4) if is_empty(orientation) else check_vector(
         'pose.orientation', orientation, 4, ('x', 'y', 'z', 'w'), LARGEST_VALUE)
-    q = controller.reference_position()
-    if q is None and state is None:
+    reference = controller.reference
+    if state is None:
         raise InvalidInputError(
             'no joint state has been received, so that there is no pose to start from')
-    start = np.asarray(q if state is None or q is not None else state[1])
+    start = state[1] if reference is None else reference.position
     kinematics = FrameKinematics(arm, frame_name(arm, controller.options.parameters))
     norm = float(np.linalg.norm(turn))
     if norm == 0.0:
@@ -73,13 +78,3 @@ def pose_set_point(
         raise InvalidInputError(f'pose.orientation has the norm {norm:g}, expected 1, or 0')
     goal = joints_at(arm, kinematics, start, base.act(p), R)
     return make_trajectory(arm.joint_names, [0.0], [goal], (), (), arm.joint_names)
-
-
-def _fixed_frame(arm: ArmModel, frame_id: str) -> pin.SE3:
-    """Return the placement of a link that no joint moves."""
-    fixed = [name for name in arm.link_names if arm.link_frame(name).parentJoint == 0]
-    if frame_id not in fixed:
-        raise InvalidInputError(
-            f'header.frame_id is {frame_id!r}, expected one of the links that no joint moves: '
-            f'{fixed}')
-    return arm.link_frame(frame_id).placement

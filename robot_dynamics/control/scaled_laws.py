@@ -53,11 +53,9 @@ class ScaledLaws:
     def limit(self, workspace: WorkspaceInertia, rate: FloatArray) -> None:
         """Derive the gains of the loop from M(q), and limit the efforts to a rate (n,) [N·m/s]."""
         law = self.with_reference
-        self.loop_gains = loop_gains(law.closed_loop, workspace.matrices)
         if self._scales:
-            law.limit_rate(rate, workspace.row_sums())
-        self._gains.set_loop_gains(
-            self.loop_gains if self._scales else None, rate)
+            law.limit_rate(rate, workspace.mass.sum(axis=2).max(axis=0))
+            self._gains.set_loop_gains(loop_gains(law.closed_loop, workspace.matrices), rate)
         self.scale()
 
     def scale(self) -> None:

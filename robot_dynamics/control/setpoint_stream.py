@@ -20,6 +20,7 @@ class SetPointStream:
 
     def __init__(self, timeout: float = 0.1) -> None:
         self.timeout = timeout
+        """[s]; a change takes effect with the next set-point."""
         self._last = -math.inf
         self._in_a_row = 0
         self.deadline = math.inf
@@ -31,12 +32,6 @@ class SetPointStream:
         self._in_a_row = self._in_a_row + 1 if follows else 1
         self._last = now if is_set_point else -math.inf
         self.deadline = now + self.timeout if self._in_a_row >= STREAM_LENGTH else math.inf
-
-    def set_timeout(self, timeout: float) -> None:
-        """Change the timeout [s], also that of the stream in progress."""
-        self.timeout = timeout
-        if self.deadline < math.inf:
-            self.deadline = self._last + timeout
 
     def end(self) -> None:
         """End the stream."""

@@ -19,16 +19,16 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.gains.oscillation import REST_SPEED
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.trajectories.interpolation import Reference
 
-LATEST_START = 0.5
-"""[s] by which a goal may end late because the arm is not yet at its first point."""
-NO_SLOWER = 1.001
-"""Factor of the duration from which a goal counts as slowed down."""
-MOVED, REST_TIME_NS = 5e-4, 20_000_000
-"""An arm at rest moves less than MOVED [rad] or [m] in REST_TIME_NS [ns], at most at this rate."""
-DEFAULT_GOAL_TOLERANCE = 0.01
+LATE = 0.5
+"""[s] by which a goal may end late because the arm is not yet at its first point; and after the
+end of a reference, until which the arm may move."""
+REST_TIME_NS = 20_000_000
+"""[ns] over which no joint of an arm at rest moves faster than REST_SPEED."""
+GOAL_TOLERANCE = 0.01
 """Default distance [rad] or [m] from the goal at which it is reached."""
 DEFAULT_GOAL_TIME = 5.0
 """[s] after the end of the trajectory for the arm to reach the goal, without a given time; also
@@ -60,7 +60,7 @@ class Tolerances:
     Tolerances of position [rad] or [m] and velocity [rad/s] or [m/s], (n,) each, ∞ for none.
 
     Path tolerances apply during the motion, goal tolerances at its end, within `goal_time` [s]. A
-    `goal_velocity` of NaN requires rest: less than MOVED in REST_TIME_NS.
+    `goal_velocity` of NaN requires rest: at most REST_SPEED over REST_TIME_NS.
     """
 
     path: FloatArray
@@ -75,7 +75,7 @@ def default_tolerances(
 ) -> Tolerances:
     """Return tolerances of the `goal` (n,) only, 0 for none."""
     n = len(joint_names)
-    goal = np.full(n, DEFAULT_GOAL_TOLERANCE) if goal is None else goal
+    goal = np.full(n, GOAL_TOLERANCE) if goal is None else goal
     none = np.full(n, math.inf)
     return Tolerances(none, none, np.where(goal > 0.0, goal, math.inf), np.full(n, math.nan))
 
@@ -98,8 +98,7 @@ class TrajectoryGoal:
     ) -> None:
         """Judge the trajectory that the controller follows now; `when_done` must return soon."""
         self._controller, self._tolerances = controller, tolerances
-        self._when_done = when_done
-        self._names = controller.arm.joint_names
+        self._when_done, self._names = when_done, controller.arm.joint_names
         self._recent: deque[tuple[int, FloatArray]] = deque()
         """Stamps and positions of the last REST_TIME_NS, at least the last two."""
         self.is_stopping = False
@@ -166,9 +165,9 @@ class TrajectoryGoal:
                 f'goal tolerance, {allowed.goal_time:g} s after the end: {violation}')
 
     def _is_at_rest(self) -> bool:
-        """Return whether the recent states are close to the last one; see MOVED."""
+        """Return whether the recent states are close to the last one."""
         (first, _), (stamp, q) = self._recent[0], self._recent[-1]
-        most = MOVED * min(2.0, (stamp - first) / REST_TIME_NS)  # slow states are further apart
+        most = 1e-9 * REST_SPEED * min(stamp - first, 2 * REST_TIME_NS)  # of slow states
         return len(self._recent) > 1 and all(bool(
             (np.abs(self._controller.position_error(one, q)) <= most).all())
             for _, one in self._recent)
@@ -177,13 +176,11 @@ class TrajectoryGoal:
         self, e: FloatArray, most_e: FloatArray, e_v: FloatArray, most_v: FloatArray,
     ) -> str:
         """Return the joint that exceeds its tolerance most, or nothing; all arrays are (n,)."""
-        for error, most, is_velocity in ((e, most_e, False), (e_v, most_v, True)):
+        for error, most, of in ((e, most_e, ''), (e_v, most_v, 'the velocity of ')):
             j = int(np.argmax(np.abs(error) / most))
             if not abs(error[j]) <= most[j]:
-                name, units = self._names[j], units_of(self._controller.arm.joint_kinds[j])
-                if is_velocity:
-                    return (f'the velocity of {name!r} is {abs(error[j]):.3g} {units.position}/s '
-                            f'off, expected at most {most[j]:.3g}')
-                return (f'{name!r} is {units.error_text(abs(error[j]))} off, expected at most '
-                        f'{units.error_text(most[j])}')
+                units = units_of(self._controller.arm.joint_kinds[j])
+                texts = [f'{x:.3g} {units.position}/s' if of else units.error_text(x)
+                         for x in (abs(error[j]), most[j])]
+                return f'{of}{self._names[j]!r} is {texts[0]} off, expected at most {texts[1]}'
         return ''

@@ -79,14 +79,10 @@ class ActiveTrajectory:
 
     def sample(self, now_ns: int) -> Reference:
         """
-        Return the reference at `now_ns`; calls may share its arrays, which must not be modified.
+        Return the reference at `now_ns`.
 
         A time before the arrival gives the state before the trajectory.
         """
-        if now_ns >= self.end_ns:
-            return self._final
-        if now_ns < self._arrival_ns:
-            return self._state_before
         segment = self.segment(now_ns)
         return evaluate(segment.coefficients, segment.phase(now_ns))
 
@@ -117,9 +113,6 @@ def _held(last: TrajectoryPoint, is_moving: bool) -> Reference:
     """Return the reference after the last point, at rest unless `is_moving`."""
     zero = np.zeros_like(last.position)
     zero.setflags(write=False)
-    if not is_moving:
-        return Reference(last.position, zero, zero)
-    return Reference(
-        last.position,
-        last.velocity if last.velocity is not None else zero,
-        last.acceleration if last.acceleration is not None else zero)
+    return Reference(last.position, *(
+        rate if is_moving and rate is not None else zero
+        for rate in (last.velocity, last.acceleration)))

@@ -41,8 +41,9 @@ DEFAULT_VELOCITY = 1.0
 """Velocity limit [rad/s] or [m/s] of a joint without a limit in the URDF."""
 SPEED_UP_TIME = 0.2
 """Shortest time [s] in which a joint reaches its reference velocity, or stops."""
-JERK_TIME = 0.05
-"""Shortest time [s] in which a joint reaches its reference acceleration."""
+JERK_TIME = SPEED_UP_TIME / 4.0
+"""Shortest time [s] in which a joint reaches its reference acceleration: half of the shortest
+change of the velocity has a constant acceleration."""
 SLOWEST_FRACTION = 1e-3
 """Smallest acceleration and jerk, as fractions of the values from the two times above."""
 _POSES, _STOP_POSES = 40, 4
@@ -146,7 +147,7 @@ class WorkspaceInertia:
         body = dynamics.unchecked.rigid_body
         poses = random_states(dynamics.arm, _POSES)[0]
         n = dynamics.arm.joint_count
-        self.arm = dynamics.arm
+        self.dynamics = dynamics
         self.matrices: FloatArray = np.array(
             [body.mass_matrix(q) for q in poses]).reshape(-1, n, n)
         """M(q) at each pose."""
@@ -157,15 +158,11 @@ class WorkspaceInertia:
     def heavier(self, other: 'WorkspaceInertia') -> 'WorkspaceInertia':
         """Return the larger values at each pose, for the transition between two loads."""
         both = object.__new__(WorkspaceInertia)
-        both.arm = self.arm
+        both.dynamics = self.dynamics
         both.matrices = np.concatenate((self.matrices, other.matrices))
         both.mass = np.maximum(self.mass, other.mass)
         both.gravity = np.maximum(self.gravity, other.gravity)
         return both
-
-    def row_sums(self) -> FloatArray:
-        """Return max over the poses of Σ_k |M_ik|, (n,) [kg·m²] or [kg]."""
-        return np.asarray(self.mass.sum(axis=2).max(axis=0, initial=0.0))
 
     def motion_limits(self, effort: FloatArray, effort_rate: FloatArray) -> MotionLimits:
         """
@@ -174,8 +171,8 @@ class WorkspaceInertia:
         `effort` (n,) [N·m] or [N] and `effort_rate` (n,) [N·m/s] or [N/s] are the limits of the
         command, infinite for no limit.
         """
-        limits = self.arm.limits
-        friction, known = self.arm.friction, np.isfinite(limits.velocity)
+        arm, limits = self.dynamics.arm, self.dynamics.arm.limits
+        friction, known = arm.friction, np.isfinite(limits.velocity)
         resistance = friction.at_rest.static + friction.viscous * np.where(
             known, limits.velocity, DEFAULT_VELOCITY)
         remaining = np.maximum(effort - self.gravity - resistance, LEAST_FRACTION * effort)

@@ -24,7 +24,6 @@ A change of the limits takes effect at the next plan.
 """
 
 from collections.abc import Sequence
-from math import ceil, copysign, pi
 
 import numpy as np
 import numpy.typing as npt
@@ -81,7 +80,7 @@ class ReferenceGenerator:
         at most `stream_timeout` [s].
         """
         self.joint_names = tuple(joint_names)
-        self._continuous = [j for j, name in enumerate(joint_names) if name in continuous_joints]
+        self._continuous = [name in continuous_joints for name in joint_names]
         self.limits, self.stream_timeout = limits, stream_timeout
         self.active: ActiveTrajectory | None = None
         self._set_point: tuple[int, TrajectoryPoint] | None = None
@@ -170,13 +169,11 @@ class ReferenceGenerator:
         v = check_vector('velocity', velocity, n, names, LARGEST_VALUE)
         return planner.without_creep(Reference(q, v, np.zeros(n)))
 
-    def _turned(self, position: FloatArray, target: FloatArray) -> FloatArray:
-        q = position.copy()
-        for j in self._continuous:
-            turns = (target[j] - q[j]) / (2.0 * pi)
-            # At a distance of exactly half a turn, keep the sign of the difference.
-            q[j] += 2.0 * pi * copysign(max(ceil(abs(turns) - 0.5 - 1e-9), 0), turns)
-        return q
+    def _turned(self, q: FloatArray, target: FloatArray) -> FloatArray:
+        turns = np.where(self._continuous, (target - q) / (2.0 * np.pi), 0.0)
+        # At a distance of exactly half a turn, keep the sign of the difference.
+        whole = np.maximum(np.ceil(np.abs(turns) - 0.5 - 1e-9), 0.0)
+        return q + 2.0 * np.pi * np.copysign(whole, turns)
 
     def _to_set_point(
         self, point: TrajectoryPoint, wait: float, now_ns: int, state: Reference,

@@ -44,7 +44,7 @@ def test_the_equation_of_motion_is_in_units_of_the_command(compensates, scale):
     update(controller, NOW, Q, V)
     controller.follow(set_point(Q.tolist(), V.tolist()), 0)
     output = update(controller, NOW, Q, V)
-    M, h = controller.motion_equation(output, Q, V)
+    M, h = output.motion_equation(Q, V)
     a, s, body = np.array([2.0, -3.0]), np.array(scale), ArmDynamics(arm).rigid_body
     friction = output.law.friction
     assert friction == pytest.approx([1.5, 0.6])

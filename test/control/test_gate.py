@@ -12,6 +12,7 @@ import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.gate import Gate, Signals
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
+from robot_dynamics.trajectories.interpolation import Reference
 
 SECOND = 1_000_000_000
 START = 1_790_000_000 * SECOND
@@ -28,7 +29,8 @@ class Fed:
         self.reference: FloatArray | None = None
         self.is_commanded = True
         self.gate = Gate(
-            ('a', 'b'), np.array([True, False]), np.full(2, limit), 0.2, lambda: self.reference,
+            ('a', 'b'), np.array([True, False]), np.full(2, limit), 0.2,
+            lambda: None if self.reference is None else Reference(*[self.reference] * 3),
             lambda q, error: np.full(2, is_held), lambda: self.is_commanded)
         self.rate, self.k = rate, 0
 

@@ -109,16 +109,13 @@ class Lifting(ControlLaw):
 
     follows = False
 
-    def __init__(self, *_: object) -> None:
-        pass
-
     def effort(self, state: LawInput) -> np.ndarray:
         return np.asarray(state.gravity + 1.0)
 
 
 def test_a_law_that_does_not_follow_acts_until_a_stop(monkeypatch):
-    """Computed torque follows the stop; a function makes the law."""
-    monkeypatch.setitem(LAWS, 'lifting', lambda feedback, options: Lifting())
+    """Computed torque follows the stop."""
+    monkeypatch.setitem(LAWS, 'lifting', Lifting)
     one, q = make(UR5, 'lifting'), Q
     output = update(one, START, q, np.full(N, 0.1))
     assert output.command == pytest.approx(output.gravity_compensation + 1.0)

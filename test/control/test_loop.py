@@ -149,7 +149,6 @@ def test_a_stream_that_pauses_ends_with_a_stop():
     trace = one.run(2.0)
     assert one.loop.goals.paused_streams == 1
     assert 'paused' in one.loop.goals.interruption
-    assert 'paused' in one.loop.goals.notice
     assert rests(trace)
     assert trace.speed.max() < 1.1 * last.speed[-1]
 

@@ -54,7 +54,7 @@ def judge(one: LockStep, trace: Trace, goal: FloatArray) -> None:
     assert rests(trace)
     assert one.q == pytest.approx(goal, abs=1e-3)
     assert one.loop.supervisor.fault is None
-    assert one.loop.goals.interruption == one.loop.goals.notice == ''
+    assert one.loop.goals.interruption == ''
     assert one.dropped == 0
 
 

@@ -8,10 +8,10 @@ import re
 from lock_step_loop import smooth_arm
 import numpy as np
 import pytest
-from robot_dynamics.control.braking import is_held
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions, default_limits, default_options
+from robot_dynamics.control.rest import is_held
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -22,7 +22,7 @@ Q = np.array([0.8, 0.5])
 
 def test_the_following_error_is_limited_to_the_way_at_full_speed_in_three_tenths_of_a_second():
     options, limits = ControllerOptions(make_gains(['a', 'b'])), np.array([2.0, np.inf])
-    assert options.largest_error(limits) == pytest.approx([0.6, 0.5])
+    assert options.largest_error(limits) == pytest.approx([0.6, 0.3])
     given = ControllerOptions(options.gains, following_error=[0.0, 0.1])
     assert given.largest_error(limits).tolist() == [np.inf, 0.1]
 
@@ -30,10 +30,10 @@ def test_the_following_error_is_limited_to_the_way_at_full_speed_in_three_tenths
 def test_an_effort_may_reach_its_limit_in_a_tenth_of_a_second():
     """A joint without a limit has 1000 N·m/s."""
     limits = default_limits(smooth_arm('default'))
-    assert limits.joint_rates.tolist() == [1500.0, 600.0]
+    assert limits.rate.tolist() == [1500.0, 600.0]
     unlimited = load_arm(re.sub(
         '<limit[^>]*/>', '', planar_arm_urdf([1.0], [1.0], [0.5], [0.1])))
-    assert default_limits(unlimited).joint_rates.tolist() == [1000.0]
+    assert default_limits(unlimited).rate.tolist() == [1000.0]
     assert default_options(unlimited).effort_rate.tolist() == [1000.0]
 
 

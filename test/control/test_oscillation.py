@@ -100,7 +100,7 @@ def test_two_seconds_after_a_contact_the_gains_are_as_before(seconds, seen):
 
 
 def gains(one: LockStep) -> float:
-    return float(one.loop.controller.feedback_gains[1].min())
+    return float(one.loop.controller.laws.feedback_gains[1].min())
 
 
 @pytest.mark.parametrize('seed', [

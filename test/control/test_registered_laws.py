@@ -16,10 +16,11 @@ from lock_step_loop import LockStep, smooth_arm, Trace
 import numpy as np
 from page_law import page_law
 import pytest
-from robot_dynamics.control.laws.law_table import all_laws, LawFactory, LAWS
+from robot_dynamics.control.laws.control_law import ControlLaw
+from robot_dynamics.control.laws.law_table import all_laws, LAWS
 from robot_dynamics.model.arm import ArmModel
 
-REGISTERED: Mapping[str, LawFactory] = {**all_laws(), 'spring': page_law()}
+REGISTERED: Mapping[str, type[ControlLaw]] = {**all_laws(), 'spring': page_law()}
 AT_REST = 1e-3
 """[rad/s]"""
 DISTURBANCE = 0.02

@@ -7,8 +7,8 @@ from controller_bench import update
 from lock_step_loop import FIRST_STAMP, MS, smooth_arm
 import numpy as np
 import pytest
-from robot_dynamics.control.gains.rest_stiffness import rest_stiffness
 from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.rest import rest_stiffness
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 

@@ -7,7 +7,7 @@ from lock_step_loop import FIRST_STAMP, MS, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.control.shortfall import shortfall
+from robot_dynamics.control.rest import shortfall
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 

@@ -136,7 +136,7 @@ PER_JOINT: dict[str, Callable[[Any], Any]] = {
             _BARE.limits.velocity).tolist(),
     'effort_rate': lambda x: EffortLimits(
         *(_BARE.limits.lower, _BARE.limits.upper, _BARE.limits.velocity),
-        np.asarray(x) if isinstance(x, list) else x).joint_rates.tolist(),
+        np.asarray(x) if isinstance(x, list) else x).rate.tolist(),
     'effort_limits': lambda x: fields_of(load_arm(planar_arm_urdf(
         [1.0, 1.0], [1.0, 1.0], [0.5, 0.5], [0.1, 0.1], effort_limits=x)).limits),
 }

@@ -10,7 +10,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.references import MotionLimits, ReferenceGenerator
+from robot_dynamics.references.motion_limits import MotionLimits
+from robot_dynamics.references.reference_generator import ReferenceGenerator
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import (
     JointTrajectory,

@@ -8,14 +8,11 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from robot_dynamics.control import (
-    CommandSupervisor,
-    EffortLimits,
-    Ending,
-    Fault,
-    Kind,
-    SafetyOptions,
-)
+from robot_dynamics.control.safety.effort_limiter import EffortLimits
+from robot_dynamics.control.safety.ending import Ending, Kind
+from robot_dynamics.control.safety.fault_action import SafetyOptions
+from robot_dynamics.control.safety.faults import Fault
+from robot_dynamics.control.safety.supervisor import CommandSupervisor
 
 NAMES = ('shoulder', 'elbow')
 HOLD, OTHER_HOLD = np.array([-50.0, 11.0]), np.array([-40.0, -6.0])

@@ -105,6 +105,12 @@ class StableGains:
         """Factors of the bandwidth of the joints, (n,) in (0, 1]."""
         self.least = 1.0
         """The smallest of these factors."""
+        self.lag = 0.0
+        """
+        The mean time [s] from a state to the middle of the period in which its effort acts.
+
+        It is 0 for fast states, whose gains are not lowered: the arm hardly moves in that time.
+        """
         self.reference_scale = 1.0
         """Factor by which references are slowed down, in (0, 1]."""
         self.period = 0.0
@@ -114,39 +120,35 @@ class StableGains:
         self.is_known = False
         """Whether the noise is known."""
         self._velocity_delay = self._rated_period = 0.0
-        self._gains: LoopGains | None = None
+        self._gains: LoopGains
         self._effort_rate: FloatArray = np.full(n, math.inf)
         self._interval = math.inf
         self._block: deque[FloatArray] = deque(maxlen=BLOCK)
         """Velocities (n,), NaN after a gap."""
 
-    def set_loop_gains(self, gains: LoopGains | None, effort_rate: FloatArray) -> None:
+    def set_loop_gains(self, gains: LoopGains, effort_rate: FloatArray) -> None:
         """
-        Scale a loop with these gains from now on, None for no scaling; sets `scale`.
+        Scale a loop with these gains from now on; sets `scale`.
 
         `effort_rate` (n,) [N·m/s] or [N/s] is the rate limit of the effort.
         """
         self._gains, self._effort_rate = gains, effort_rate
         self._set_scale()
 
-    def take(
-        self, dt: float, velocity_delay: float, v: FloatArray, is_in_contact: bool = False,
-    ) -> bool:
+    def take(self, dt: float, velocity_delay: float, v: FloatArray) -> bool:
         """
         Take the velocity v (n,) of a state; return whether a scale has changed.
 
         The state is dt [s] after the last one, 0 if that is unknown. `velocity_delay` [s] is the
-        delay of v. In a contact the changes of v are no noise.
+        delay of v.
         """
-        if self._gains is None:
-            return False
         block, last, period, self._velocity_delay = (
             self._block, self._interval, self.period, velocity_delay)
         if dt > 0.0:
             shorter, self._interval = min(dt, last), dt
             if last < math.inf:
                 self.period = max(shorter, period - (period - shorter) / BLOCK)
-        block.append(v if 0.0 < dt < 2.0 * self.period and not is_in_contact else v * math.nan)
+        block.append(v if 0.0 < dt < 2.0 * self.period else v * math.nan)
         if len(block) == BLOCK:
             self._take_noise()
         elif period > 0.0 and self.period <= self._rated_period:
@@ -169,28 +171,17 @@ class StableGains:
         return (f'joint states at {1.0 / max(self.period, 1e-9):.0f} Hz, velocity noise of up to '
                 f'{round(noise, 6):.2g} per second')
 
-    @property
-    def lag(self) -> float:
-        """
-        The mean time [s] from a state to the middle of the period in which its effort acts.
-
-        It is 0 for fast states, whose gains are not lowered: the arm hardly moves in that time.
-        """
-        return 0.5 * (self.period + LOOP_DELAY) if self.least < 1.0 else 0.0
-
     def _set_scale(self) -> bool:
         """Evaluate the scales; return whether they have changed."""
         gains, before = self._gains, self.scale
-        if gains is None:
-            self.scale, self.least, self.reference_scale = np.ones_like(before), 1.0, 1.0
-            return False
         self._rated_period = self.period or FIRST_PERIOD
         delay = LOOP_DELAY + 0.5 * self._rated_period + self._velocity_delay
         effort = np.sqrt((gains.noise * self.noise)**2 @ np.ones_like(self.noise))
-        lag = gains.crossover * float(np.max(effort / (_SLEW * self._effort_rate), initial=0.0))
-        of_noise = math.sqrt(NOISE_LAG / lag) if lag > NOISE_LAG else 1.0
+        phase = gains.crossover * float(np.max(effort / (_SLEW * self._effort_rate), initial=0.0))
+        of_noise = math.sqrt(NOISE_LAG / phase) if phase > NOISE_LAG else 1.0
         self.scale = np.minimum(gains.delay / delay, of_noise)
         self.least = float(self.scale.min(initial=1.0))
+        self.lag = 0.5 * (self.period + LOOP_DELAY) if self.least < 1.0 else 0.0
         bandwidth = self.scale * np.maximum(gains.frequency / USUAL_FREQUENCY, 1.0)
         self.reference_scale = float(bandwidth.min(initial=1.0))
         return bool((self.scale != before).any())

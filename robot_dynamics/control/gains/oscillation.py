@@ -30,16 +30,17 @@ SUSTAINED = 0.9
 LONGEST = 0.5 * math.pi / (CROSSOVER * USUAL_FREQUENCY)
 """[s], the half-wave at twice the crossover of the usual gains: 13 Hz. The compensation of
 friction oscillates more slowly (10 Hz at joints without rotors); lower gains do not calm it."""
-FLOOR = 0.02
+REST_SPEED = 0.02
+"""[rad/s] or [m/s] up to which a joint is at rest; a half-wave must exceed it."""
 NOISE_FACTOR = 3.0
-"""[rad/s] or [m/s], and standard deviations of the noise of the velocity, that a half-wave must
-exceed. At 1 kHz, one in 20 half-waves of white noise above 3 is shorter than LONGEST."""
+"""Standard deviations of the noise of the velocity that a half-wave must exceed: at 1 kHz, one in
+20 half-waves of white noise above 3 is shorter than LONGEST."""
 STEP = 0.7
 LEAST = 0.1
 """Factor of the bandwidth after HALF_WAVES, and the smallest product of these factors."""
 HOLD = 1.0
 """[s] without an oscillation, until the full gains are tried again."""
-MOVED = FLOOR * HOLD
+MOVED = REST_SPEED * HOLD
 """[rad] or [m]"""
 
 _Waves = deque[tuple[float, float]]
@@ -69,7 +70,7 @@ class Oscillation:
             self._restore(now, error)
         for name, waves, x, least in zip(
                 self._names, self._waves, velocity_error.tolist(), noise):
-            if abs(x) > max(FLOOR, least) and (frequency := _sustained(waves, now, x)):
+            if abs(x) > max(REST_SPEED, least) and (frequency := _sustained(waves, now, x)):
                 self._cause = f'{name!r} oscillated with {frequency:.0f} Hz'
                 self._event, self._error = now, error
                 self._lower(now)

@@ -23,15 +23,13 @@ because Λ⁻¹ = AᵀA, and the same for the posture. D = 2 L V min(Ω, Ω_c) V
 Ω ≥ LEAST_FREQUENCY damps each direction for itself, and C = L V min(1, Ω_c²/Ω²) Vᵀ L⁻¹ slows down
 the fast ones. A joint that approaches a position limit faster than its reference, and faster than
 the limit is away, is braked, and so is one that is faster than its reference and than references
-may be (`_braked`). While the arm bounces off a surface, the approach is not damped
-(`bounce`).
+may be (`_braked`).
 """
 
 from dataclasses import replace
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.laws.bounce import Bounce
 from robot_dynamics.control.laws.control_law import LawInput, LawParameter, LawTopic
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.modal_impedance import ModalImpedance, root_of
@@ -42,10 +40,13 @@ from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.references.motion_limits import FRACTION
 from robot_dynamics.task_space.frame_kinematics import FrameKinematics
 
-LARGEST_DISTANCE, LARGEST_ANGLE, LARGEST_POSTURE = 0.1, 0.5, 0.5
-"""[m], [rad], and [rad] or [m] of all joints together: the springs do not extend further."""
-LENGTH, SINGULAR = 0.25, 0.1
-"""[m] that weighs as much as 1 rad, and σ_0 [rad/rad] or [rad/m]."""
+LARGEST_DISTANCE, LARGEST_ANGLE = 0.1, 0.5
+"""[m] of the frame, and [rad], also [rad] or [m] of all joints together: the springs do not extend
+further."""
+LENGTH = LARGEST_DISTANCE / LARGEST_ANGLE
+"""[m] that weighs as much as 1 rad."""
+SINGULAR = 0.1
+"""σ_0 [rad/rad] or [rad/m]."""
 LIMIT_MARGIN, LIMIT_SHARE = 0.05, 0.1
 """[rad] or [m] before a position limit, at most this share of the range, where a joint stops."""
 NULL_SPACE_FREQUENCY = 10.0
@@ -85,8 +86,8 @@ class CartesianImpedance(ModalImpedance):
         super().__init__(feedback, options)
         self._stiffness = np.array([*translation, rotation, rotation, rotation])
         self._frame = FrameKinematics(arm, frame)
-        self._C = self._posture = self._M = self._inverse = np.zeros((n, n))
-        self._brake, self._bounce = np.zeros(n), Bounce(n)
+        self._C = self._posture = np.zeros((n, n))
+        self._brake = np.zeros(n)
         limits = arm.limits
         margin = np.minimum(LIMIT_MARGIN, LIMIT_SHARE * (limits.upper - limits.lower))
         self._lower, self._upper = limits.lower + margin, limits.upper - margin
@@ -95,19 +96,13 @@ class CartesianImpedance(ModalImpedance):
     def gains(
         self, dynamics: UncheckedArmDynamics, q: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return K and D (n, n) at q (n,), NaN far outside of the range of the model."""
-        try:
-            self._M = dynamics.rigid_body.mass_matrix(q)
-            L = root_of(self._M)
-            inverse = np.asarray(np.linalg.inv(L), dtype=np.float64)
-            J = self._frame.jacobian(q)[2]
-            self._inverse, N = inverse, self._null_space(J, inverse)
-            A = inverse @ J.T
-            posture = NULL_SPACE_FREQUENCY**2 * N
-            squares, V = np.linalg.eigh((A * self._stiffness) @ A.T + posture)
-        except np.linalg.LinAlgError:  # the rounding of M, or no finite J
-            self._C = self._posture = K = np.full_like(self._K, np.nan)
-            return K, K
+        """Return K and D (n, n) at q (n,); raise LinAlgError far outside of the model's range."""
+        L = root_of(dynamics.rigid_body.mass_matrix(q))
+        inverse = np.asarray(np.linalg.inv(L), dtype=np.float64)
+        J = self._frame.jacobian(q)[2]
+        A = inverse @ J.T
+        posture = NULL_SPACE_FREQUENCY**2 * self._null_space(J, inverse)
+        squares, V = np.linalg.eigh((A * self._stiffness) @ A.T + posture)
         largest, Q = self.largest_frequency, L @ V
         natural = np.sqrt(np.maximum(squares, 0.0))
         omega = np.minimum(natural, largest)
@@ -139,19 +134,11 @@ class CartesianImpedance(ModalImpedance):
         F = np.concatenate([
             _at_most(self._force_limit, K[:3] * _at_most(LARGEST_DISTANCE, twist[:3])),
             _at_most(self._torque_limit, K[3:] * _at_most(LARGEST_ANGLE, twist[3:]))])
-        return np.asarray(self._C @ (J.T @ F + self._posture @ _at_most(LARGEST_POSTURE, e)))
+        return np.asarray(self._C @ (J.T @ F + self._posture @ _at_most(LARGEST_ANGLE, e)))
 
-    def damper(
-        self, state: LawInput, e: FloatArray, e_dot: FloatArray, spring: FloatArray,
-    ) -> FloatArray:
-        """Return D ė without the approach of a surface off which the arm bounces, and brakes."""
-        damper, bounce = np.asarray(self._D @ e_dot), self._bounce
-        bounce.take(
-            state.stamp_ns, state.v, e_dot, self._M,
-            lambda: self._inverse.T @ (self._inverse @ (spring + damper)))
-        self.is_in_contact = bounce.is_near
-        return np.asarray(
-            self._D @ (e_dot + bounce.approach(state.v)) + self._braked(state, e, e_dot))
+    def damper(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray:
+        """Return D ė and the brakes."""
+        return super().damper(state, e, e_dot) + self._braked(state, e, e_dot)
 
     def _braked(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray:
         """

@@ -92,8 +92,6 @@ class LawInput(NamedTuple):
     q_ahead: FloatArray
     trajectory: ActiveTrajectory | None
     feedback: ErrorFeedback
-    lag: float = 0.0
-    """Time [s] of `q_ahead` after `stamp_ns`."""
 
     @property
     def gravity(self) -> FloatArray:
@@ -151,10 +149,11 @@ class ControlLaw:
     """Topics whose messages `take(law, message)` gets between two states, while it is in use."""
     REFERENCES: ClassVar[tuple[LawTopic, ...]] = ()
     """Topics of which `take(controller, message)` returns the trajectory that the node follows."""
-    is_in_contact: bool = False
-    """Whether the arm bounces off a surface: neither noise nor an oscillation of the loop."""
     scale: FloatArray | float = 1.0
     """Factors s (n,) of the bandwidth, set by the controller: stiffness s² K, damping s D."""
+
+    def __init__(self, *_: object) -> None:
+        """Take the `ErrorFeedback` of the controller and the `LawOptions` of the class."""
 
     @classmethod
     def options(cls, arm: ArmModel, options: ControllerOptions) -> LawOptions:

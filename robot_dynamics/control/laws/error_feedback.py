@@ -30,8 +30,6 @@ DEFAULT_NATURAL_FREQUENCY = USUAL_FREQUENCY
 DEFAULT_DAMPING_RATIO = 1.0
 LEAST_DAMPING = 0.3
 """Damping ratio below which a tracking error oscillates for several periods."""
-LEAST_RATIO = 0.5
-"""Damping ratio of scaled gains, at least, unless K_d would have to exceed that without scale."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +164,7 @@ class ErrorFeedback:
         """Return q_ref − q, (n,) [rad] or [m]."""
         e = reference - q
         if self._continuous is not None and not e.dot(e) <= np.pi**2:
-            e[self._continuous] = wrap_to_pi(e[self._continuous])
+            e = np.where(self._continuous, wrap_to_pi(e), e)
         return e
 
     def worst_error(self, e: FloatArray, joint_names: Sequence[str]) -> str:
@@ -177,14 +175,7 @@ class ErrorFeedback:
                 f'expected at most {limit[j]:.3g} (following_error_limit)')
 
     def scaled(self, scale: FloatArray | float) -> 'ErrorFeedback':
-        """
-        Return the feedback at these fractions (n,) of its bandwidth, at the same damping ratio.
-
-        A ratio below LEAST_RATIO rises to it as far as K_d permits: gravity that is compensated
-        late takes damping away, the more so relative to slow feedback.
-        """
-        K_p, K_d = scale**2 * self.gains.kp, scale * self.gains.kd
-        least = 2.0 * LEAST_RATIO * np.sqrt(K_p)
-        gains = Gains(K_p, np.minimum(self.gains.kd, np.maximum(K_d, least)))
+        """Return the feedback at these fractions (n,) of its bandwidth, at the same damping."""
+        gains = Gains(scale**2 * self.gains.kp, scale * self.gains.kd)
         kinds = ['continuous' if turns else '' for turns in self._turns]
         return ErrorFeedback(gains, kinds, self.largest_error)

@@ -46,7 +46,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
-from robot_dynamics.control.gate import LOST
+from robot_dynamics.control.gate import LEFT
 from robot_dynamics.control.laws.computed_torque import REVERSAL_TIME
 from robot_dynamics.control.laws.control_law import (
     ControlLaw,
@@ -58,8 +58,8 @@ from robot_dynamics.control.laws.control_law import (
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.force_feedback import ForceFeedback
 from robot_dynamics.control.options import LawOptions
+from robot_dynamics.control.safety.faults import STATE_TIMEOUT
 from robot_dynamics.joints.friction import JointFriction
-from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.references.motion_limits import FRACTION
 from robot_dynamics.validation import check_named, LARGEST_VALUE
 
@@ -81,8 +81,9 @@ STOPPING = 0.6
 """[s]: with the time in which the tank empties, a released arm stands within 1 s."""
 FULL_SPEED = 0.05
 """v_d [rad/s] or [m/s]."""
-MASS_ERROR, LEAST_SHARE = 0.07, 0.42
-PLAY, FAR = 0.03, 0.04
+MASS_ERROR, LEAST_SHARE = 0.07, LARGEST_SHARE * FRICTION_SHARE
+"""Of gravity, in an unknown mass; and of known friction, from which α of the least true one."""
+PLAY, FAR = LEFT, LEFT + 0.01
 """Ways [rad] or [m] after which the compensation up to LEAST_SHARE begins and is complete."""
 FORGETTING = 1.0
 """Time constant [s] of the way."""
@@ -114,7 +115,8 @@ class HandGuiding(ControlLaw):
         self._names, self._gains = arm.joint_names, feedback.gains
         self.friction_share = FRICTION_SHARE
         """α, at most λ."""
-        self._speed = _usual_speed(arm) if speed is None else speed
+        largest = [USUAL_SPEED if kind == 'prismatic' else USUAL_TURN for kind in arm.joint_kinds]
+        self._speed = np.minimum(FRACTION * limits.velocity, largest) if speed is None else speed
         self._lower, self._upper = np.clip(
             (limits.lower, limits.upper), -LARGEST_VALUE, LARGEST_VALUE)
         is_limited = np.isfinite(limits.effort)
@@ -130,9 +132,10 @@ class HandGuiding(ControlLaw):
         self._felt_until_ns = 0
 
     def feel(self, external: FloatArray) -> None:
-        """Let a person feel this effort (n,) of a follower until LOST seconds from now."""
+        """Let a person feel this effort (n,) of a follower for STATE_TIMEOUT seconds."""
         if self._last is not None:
-            self._external, self._felt_until_ns = external, self._last[0] + round(1e9 * LOST)
+            self._external = external
+            self._felt_until_ns = self._last[0] + round(1e9 * STATE_TIMEOUT)
 
     def take_force(self, message: Any) -> None:
         """Let a person feel the effort of a message JointState; raise InvalidInputError."""
@@ -158,7 +161,8 @@ class HandGuiding(ControlLaw):
         if dt == 0.0:
             gravity = state.gravity
             return LawOutput(gravity, friction, gravity=gravity)
-        v = _slower(state.v, moved / dt)
+        mean = moved / dt  # a wrong sign of v would drive the joint
+        v = np.clip(state.v, np.minimum(mean, 0.0), np.maximum(mean, 0.0))
         state = state._replace(q=state.q + 0.5 * (dt + LOOP_DELAY) * v)
         gravity, allowed = state.gravity, self._allowed(state.q)
         if not dynamics.is_frictionless:
@@ -257,18 +261,3 @@ class HandGuiding(ControlLaw):
         beta = s * self._gains.ratio
         return np.maximum(-self._speed, beta * (self._lower + wall - q)), np.minimum(
             self._speed, beta * (self._upper - wall - q))
-
-
-def _usual_speed(arm: ArmModel) -> FloatArray:
-    """Return the default speed limit (n,) [rad/s] or [m/s]."""
-    largest = [USUAL_SPEED if kind == 'prismatic' else USUAL_TURN for kind in arm.joint_kinds]
-    return np.asarray(np.minimum(FRACTION * arm.limits.velocity, largest))
-
-
-def _slower(v: FloatArray, mean: FloatArray) -> FloatArray:
-    """
-    Return the smaller one of v and the mean since the last state, (n,) each.
-
-    It is 0 if their signs differ, because a wrong sign would drive the joint.
-    """
-    return np.where(v * mean > 0.0, np.where(np.abs(mean) < np.abs(v), mean, v), 0.0)

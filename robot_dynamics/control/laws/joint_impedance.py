@@ -44,12 +44,8 @@ class JointImpedance(ModalImpedance):
     def gains(
         self, dynamics: UncheckedArmDynamics, q: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return K and D (n, n) at q (n,), NaN far outside of the range of the model."""
-        M = dynamics.rigid_body.mass_matrix(q)
-        try:
-            L = root_of(M)
-        except np.linalg.LinAlgError:  # M is not positive definite, because of its rounding
-            return np.full_like(M, np.nan), np.full_like(M, np.nan)
+        """Return K and D (n, n) at q (n,); raise LinAlgError far outside of the model's range."""
+        L = root_of(dynamics.rigid_body.mass_matrix(q))
         to_modes = np.linalg.inv(L)
         squares, V = np.linalg.eigh((to_modes * self._stiffness) @ to_modes.T)
         Q, omega = L @ V, np.minimum(np.sqrt(np.maximum(squares, 0.0)), self.largest_frequency)

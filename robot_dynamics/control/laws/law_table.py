@@ -3,7 +3,7 @@
 
 """The control laws by the values of the parameter `command`, of this package and of others."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from importlib import metadata
 from typing import Any
@@ -14,13 +14,11 @@ from robot_dynamics.control.laws.control_law import ControlLaw, GravityCompensat
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.hand_guiding import HandGuiding
 from robot_dynamics.control.laws.joint_impedance import JointImpedance
-from robot_dynamics.control.options import ControllerOptions, LawOptions
+from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 
-LawFactory = Callable[[ErrorFeedback, LawOptions], ControlLaw]
-"""Makes a law; a class of laws is one."""
-LAWS: dict[str, LawFactory] = {
+LAWS: dict[str, type[ControlLaw]] = {
     'cartesian_impedance': CartesianImpedance,
     'computed_torque': ComputedTorque,
     'gravity_compensation': GravityCompensation,
@@ -39,12 +37,15 @@ def command_modes() -> tuple[str, ...]:
 
 
 @cache
-def further_laws() -> Mapping[str, LawFactory | str]:
+def further_laws() -> Mapping[str, type[ControlLaw] | str]:
     """Return the laws of other packages by name, or why one cannot be loaded."""
-    found: dict[str, LawFactory | str] = {}
+    found: dict[str, type[ControlLaw] | str] = {}
     for one in metadata.entry_points(group=ENTRY_POINTS):
         try:
-            found[one.name] = one.load()
+            law = one.load()
+            if not issubclass(law, ControlLaw):
+                raise TypeError(f'{law!r} is not a subclass of ControlLaw')
+            found[one.name] = law
         except Exception as error:  # any error of another package
             found[one.name] = (
                 f'command is {one.name!r}, but the control law of that entry point cannot be '
@@ -52,7 +53,7 @@ def further_laws() -> Mapping[str, LawFactory | str]:
     return found
 
 
-def all_laws() -> Mapping[str, LawFactory]:
+def all_laws() -> Mapping[str, type[ControlLaw]]:
     """Return the laws by name, without those that cannot be loaded."""
     return {**{name: law for name, law in further_laws().items() if not isinstance(law, str)},
             **LAWS}
@@ -61,7 +62,7 @@ def all_laws() -> Mapping[str, LawFactory]:
 def declared(what: str) -> tuple[Any, ...]:
     """Return the PARAMETERS, TOPICS or REFERENCES (`ControlLaw`) of all laws, each once."""
     return tuple(dict.fromkeys(
-        one for law in all_laws().values() for one in getattr(law, what, ())))
+        one for law in all_laws().values() for one in getattr(law, what)))
 
 
 def make_law(arm: ArmModel, feedback: ErrorFeedback, options: ControllerOptions) -> ControlLaw:
@@ -71,11 +72,4 @@ def make_law(arm: ArmModel, feedback: ErrorFeedback, options: ControllerOptions)
         name, f'command is {name!r}, expected one of {list(command_modes())}')
     if isinstance(law, str):
         raise InvalidInputError(law)
-    return law(feedback, law_options(law, arm, options))
-
-
-def law_options(law: LawFactory, arm: ArmModel, options: ControllerOptions) -> LawOptions:
-    """Return the options of a law; raise InvalidInputError for a wrong value of a parameter."""
-    options_of = getattr(law, 'options', ControlLaw.options)
-    found: LawOptions = options_of(arm, options)
-    return found
+    return law(feedback, law.options(arm, options))

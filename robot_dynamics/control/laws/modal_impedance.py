@@ -39,23 +39,19 @@ class ModalImpedance(FollowingLaw):
         n = options.arm.joint_count
         self._gains_at: tuple[UncheckedArmDynamics, FloatArray] | None = None
         """The dynamics and the position (n,) of the gains in use."""
-        self._aim = 0, np.zeros(n)
-        """Time [ns] until which the last effort acts, and the velocity (n,) of the reference."""
         self._K = self._D = np.zeros((n, n))
 
     def gains(
         self, dynamics: UncheckedArmDynamics, q: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return K and D (n, n) at q (n,), NaN far outside of the range of the model."""
+        """Return K and D (n, n) at q (n,); raise LinAlgError far outside of the model's range."""
         raise NotImplementedError
 
     def spring(self, state: LawInput, e: FloatArray) -> FloatArray:
         """Return the effort (n,) of the spring at an error e (n,) of the joints."""
         return np.asarray(self._K @ e)
 
-    def damper(
-        self, state: LawInput, e: FloatArray, e_dot: FloatArray, spring: FloatArray,
-    ) -> FloatArray:
+    def damper(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray:
         """Return the effort (n,) of the damper at errors (n,) of position and velocity."""
         return np.asarray(self._D @ e_dot)
 
@@ -85,35 +81,21 @@ class ModalImpedance(FollowingLaw):
         dynamics, q, at, s = state.dynamics, state.q_ahead, self._gains_at, 1.0
         if at is None or at[0] is not dynamics or not (
                 math.dist(at[1].tolist(), q.tolist()) <= NEARBY):
-            self._K, self._D = K, D = self.gains(dynamics, q)
+            try:
+                K, D = self.gains(dynamics, q)
+            except np.linalg.LinAlgError:  # the rounding of M, or no finite J
+                K = D = np.full_like(self._K, np.nan)
+            self._K, self._D = K, D
             self._gains_at = dynamics, q
             self.ratio = np.diagonal(K) / np.maximum(np.diagonal(D), 1e-9)
         e, e_dot = tracking.error, tracking.velocity - state.v
         spring = self.spring(state, e)
-        damper = self.damper(state, e, e_dot, spring)
+        damper = self.damper(state, e, e_dot)
         change = 5.0 * (self._K @ e_dot)  # K ė + D M⁻¹ D ė
         if not (np.abs(change) <= CHANGE_FRACTION * self.effort_rate).all():
             share, s = self.shares(spring, damper, change, e * e_dot)
             spring, damper = share * spring, s * damper
-        return self._acceleration(state, tracking), spring + damper, s
-
-    def _acceleration(self, state: LawInput, tracking: Tracking) -> FloatArray:
-        """
-        Return the mean of q̈_ref (n,) while the effort acts: no stiff spring corrects its errors.
-
-        A set-point since the last state may have changed the reference. The effort before has then
-        accelerated the arm to `_aim`, the velocity of the reference at that time; this one makes
-        up for the rest.
-        """
-        trajectory, begin = state.trajectory, self._aim
-        if trajectory is None or not state.lag:
-            return tracking.acceleration
-        end_ns = state.stamp_ns + round(1e9 * (2.0 * state.lag - 0.5 * LOOP_DELAY))
-        self._aim = end_ns, trajectory.sample(end_ns).velocity
-        T, period = 1e-9 * (end_ns - begin[0]), 2.0 * state.lag - LOOP_DELAY
-        if not 0.0 < T < 2.0 * period or trajectory.is_from_measurement:
-            return tracking.acceleration
-        return np.asarray((self._aim[1] - begin[1]) / T)
+        return tracking.acceleration, spring + damper, s
 
 
 def root_of(M: FloatArray) -> FloatArray:

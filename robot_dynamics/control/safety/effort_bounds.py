@@ -13,59 +13,66 @@ from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm_dynamics import EffortTerms
 
 _FAR = 1e6
-"""[N·m] or [N]: an effort is at most this far from all limits."""
+"""Largest distance from the ends of a range that is used."""
 
 
 class RobotEffort(NamedTuple):
-    """The efforts that the robot adds to a command on its own, (n,) [N·m] or [N], or None."""
+    """The efforts that the robot adds to a command on its own, (n,) [N·m] or [N], or 0."""
 
-    gravity: FloatArray | None
-    friction: FloatArray | None
-
-    def without_gravity(self, effort: FloatArray) -> FloatArray:
-        """Return an effort at the joints minus the gravity torque that the robot adds."""
-        return effort if self.gravity is None else effort - self.gravity
+    gravity: FloatArray | float
+    friction: FloatArray | float
 
     def command(self, effort: FloatArray) -> FloatArray:
         """Return the command for an effort at the joints."""
-        effort = self.without_gravity(effort)
-        return effort if self.friction is None else effort - self.friction
-
-    def effort(self, command: FloatArray) -> FloatArray:
-        """Return the effort at the joints for a command: the inverse of `command`."""
-        effort = command if self.gravity is None else command + self.gravity
-        return effort if self.friction is None else effort + self.friction
+        return effort - self.gravity - self.friction
 
     def command_terms(self, terms: EffortTerms) -> EffortTerms:
         """Return the terms of the command for the terms of an effort at the joints."""
-        if self.gravity is None and self.friction is None:
-            return terms
-        gravity = terms.gravity - self.gravity if self.gravity is not None else terms.gravity
-        friction = terms.friction - self.friction if self.friction is not None else terms.friction
         return terms._replace(
-            gravity=gravity, friction=friction, effort=self.command(terms.effort))
+            gravity=terms.gravity - self.gravity, friction=terms.friction - self.friction,
+            effort=self.command(terms.effort))
 
 
-NOTHING = RobotEffort(None, None)
+NOTHING = RobotEffort(0.0, 0.0)
 
 
 def robot_effort(
-    convention: EffortConvention, gravity: FloatArray, friction: FloatArray | None,
+    convention: EffortConvention, gravity: FloatArray, friction: FloatArray | float,
     drive: EffortCalibration | None = None,
 ) -> RobotEffort:
     """
-    Return the g(q) and friction (n,) that a robot adds on its own, or `NOTHING`.
+    Return the g(q) and friction (n,) that a robot adds on its own.
 
     The robot adds them as efforts of its drives, which deliver `drive.scale` times as much.
     """
-    if not convention.robot_compensates:
-        return NOTHING
-    if drive is not None:
-        gravity = drive.scale * gravity
-        friction = drive.scale * friction if friction is not None else None
+    scale = 1.0 if drive is None else drive.scale
     return RobotEffort(
-        gravity if convention.compensates_gravity else None,
-        friction if convention.compensates_friction else None)
+        scale * gravity if convention.compensates_gravity else 0.0,
+        scale * friction if convention.compensates_friction else 0.0)
+
+
+class Range:
+    """
+    The values (n,) from `low` to `high`, which may be infinite.
+
+    Values are mostly near the last ones that were compared: within `clearance` of `center`, all
+    are in the range.
+    """
+
+    def __init__(self, low: FloatArray, high: FloatArray) -> None:
+        self.low, self.high = low, high
+        self.center, self.clearance = [0.0] * len(low), -1.0
+
+    def contains(self, values: list[float]) -> bool:
+        """Return whether n values are finite and in the range."""
+        if math.dist(values, self.center) <= self.clearance:
+            return True
+        x = np.array(values)
+        clearance = float(np.minimum(self.high - x, x - self.low).min(initial=_FAR))
+        if not clearance >= 0.0:
+            return False
+        self.center, self.clearance = values, 0.999 * clearance  # not beyond it by rounding
+        return True
 
 
 class EffortBounds:
@@ -86,22 +93,7 @@ class EffortBounds:
             self.scaled[np.isfinite(limit)] *= scale
         else:
             self.scaled = drive.torque_limit(scale)
-        self.center, self.clearance = [0.0] * len(limit), -1.0
-        """An effort, and the distance from it up to which no joint meets its scaled limit."""
-        self.no_joint = np.zeros(len(limit), dtype=bool)
-        """(n,) of False: no joint met its limit."""
-        self.no_joint.setflags(write=False)
-
-    def is_clear(self, effort: FloatArray) -> bool:
-        """Return whether an effort (n,) is finite and within the scaled limits."""
-        values = effort.tolist()
-        if math.dist(values, self.center) <= self.clearance:
-            return True
-        clearance = float((self.scaled - np.abs(effort)).min(initial=_FAR))
-        if not clearance >= 0.0:
-            return False
-        self.center, self.clearance = values, 0.999 * clearance  # not beyond a limit by rounding
-        return True
+        self.range = Range(-self.scaled, self.scaled)
 
     def bounded(
         self, command: FloatArray, robot: RobotEffort, holding: FloatArray | None = None,
@@ -115,13 +107,11 @@ class EffortBounds:
         0, or reduce the load. `holding` is the command that holds the arm: if the scaled limits
         are too low for it, they are extended to it. Without it the scale does not apply.
         """
-        limit = self._limit
-        low, high = -limit, limit
+        limit, gravity = self._limit, robot.gravity
+        low = np.maximum(-limit, np.minimum(-limit - gravity, 0.0))
+        high = np.minimum(limit, np.maximum(limit - gravity, 0.0))
         if holding is not None:
             low = np.maximum(low, np.minimum(-self.scaled, holding))
             high = np.minimum(high, np.maximum(self.scaled, holding))
-        if robot.gravity is not None:
-            low = np.maximum(low, np.minimum(-limit - robot.gravity, 0.0))
-            high = np.minimum(high, np.maximum(limit - robot.gravity, 0.0))
         bounded = np.minimum(np.maximum(command, low), high)
         return bounded, bounded != command

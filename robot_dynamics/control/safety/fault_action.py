@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.safety.effort_limiter import EffortLimiter
-from robot_dynamics.control.safety.faults import Fault
+from robot_dynamics.control.safety.faults import Fault, STATE_TIMEOUT
 from robot_dynamics.control.safety.undamped_joints import UndampedJoints
 
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
@@ -25,7 +25,7 @@ END_ACTIONS = ('hold_then_silence', 'ramp_to_zero')
 class SafetyOptions:
     """Times are in [s]."""
 
-    state_timeout: float = 0.05
+    state_timeout: float = STATE_TIMEOUT
     fault_action: str = FAULT_ACTIONS[0]
     hold_time: float = 1.0
     ramp_time: float = 0.5
@@ -41,35 +41,28 @@ class FaultAction:
 
     def __init__(self, joint_names: tuple[str, ...], limiter: EffortLimiter) -> None:
         self._names, self._limiter = joint_names, limiter
-        self._held = self._ramped = np.zeros(len(joint_names))
-        self._since = 0.0
+        self._held = self.ramped = np.zeros(len(joint_names))
+        """The efforts until `since`, and from then on, which end with a ramp."""
+        self.since = 0.0
         self.is_forced = False
         """Whether the action runs although states are valid."""
         self.undamped = UndampedJoints(len(joint_names))
 
     def begin(self, now: float, holding: FloatArray) -> None:
         """Begin with the effort that holds the arm."""
-        self._since, self.is_forced = now, False
-        self._held = self._ramped = holding
+        self.is_forced = False
+        self.postpone(now, holding, holding)
 
     def force(self, now: float, options: SafetyOptions) -> None:
         """Run the action although states are valid, without its `hold_time`."""
         if not self.is_forced:
-            self.is_forced, self._since = True, now
+            self.is_forced, self.since = True, now
             if options.fault_action == 'hold_gravity_then_ramp':
-                self._since -= options.hold_time
+                self.since -= options.hold_time
 
     def postpone(self, until: float, held: FloatArray, ramped: FloatArray) -> None:
         """Return `held` until a time [s]; the action then begins with `ramped`."""
-        self._since, self._held, self._ramped = until, held, ramped
-
-    def coasts(self, now: float, options: SafetyOptions) -> bool:
-        """Return whether the action holds an arm of which no states arrive."""
-        return self._since < now <= self._since + options.hold_time
-
-    def coast(self, ramped: FloatArray) -> None:
-        """Hold with this effort."""
-        self._ramped = ramped
+        self.since, self._held, self.ramped = until, held, ramped
 
     def release(self, time: float, v: FloatArray, damping: FloatArray) -> Fault | None:
         """
@@ -98,7 +91,7 @@ class FaultAction:
 
         `passed` [s] is the time since the last effort. The last effort of a ramp is 0.
         """
-        last, since = self._limiter.last, now - self._since
+        last, since = self._limiter.last, now - self.since
         if last is None or action == 'stop_publishing' and since >= 0.0:
             self._limiter.last = None
             return None
@@ -106,7 +99,7 @@ class FaultAction:
             since = max(since - options.hold_time, 0.0)
         left = 1.0 if since <= 0.0 else 0.0 if since >= options.ramp_time else (
             1.0 - since / options.ramp_time)
-        goal = self._held if since < 0.0 else left * self._ramped
+        goal = self._held if since < 0.0 else left * self.ramped
         if action == 'ramp_to_zero' and since >= 0.0:  # toward zero only
             goal = np.clip(goal, np.minimum(last, 0.0), np.maximum(last, 0.0))
         effort = self.limited(goal, passed)

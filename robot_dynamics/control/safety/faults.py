@@ -6,6 +6,9 @@
 from collections import deque
 from dataclasses import dataclass, replace
 
+STATE_TIMEOUT = 0.05
+"""Default of `state_timeout` [s]: the time for which an arm without states, and a joint without
+samples, is assumed to move on, and for which one effort may change since the last one."""
 FOLLOWING_ERROR, OVERSPEED, POSITION_LIMIT = 'following_error', 'overspeed', 'position_limit'
 """Faults: the arm is too far from its reference, a joint is too fast, or beyond its range."""
 FROZEN_JOINT = 'frozen_joint'

@@ -5,9 +5,14 @@
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics.control.gate import LOST
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
-from robot_dynamics.control.safety.faults import Fault, FROZEN_JOINT, OVERSPEED, POSITION_LIMIT
+from robot_dynamics.control.safety.faults import (
+    Fault,
+    FROZEN_JOINT,
+    OVERSPEED,
+    POSITION_LIMIT,
+    STATE_TIMEOUT,
+)
 from robot_dynamics.trajectories.goal_limits import POSITION_TOLERANCE
 
 OVERSPEED_FACTOR = 1.2
@@ -40,5 +45,6 @@ def frozen_joint(names: tuple[str, ...], lost: BoolArray) -> Fault:
     """Return the fault of joints that are `lost` (n,)."""
     found = [name for name, is_lost in zip(names, lost) if is_lost]
     return Fault(
-        FROZEN_JOINT, f'the position of {found} has not changed for more than {LOST:g} s, '
-        'although it moved before: check the encoder or its driver', recovery=25)
+        FROZEN_JOINT, f'the position of {found} has not changed for more than '
+        f'{STATE_TIMEOUT:g} s, although it moved before: check the encoder or its driver',
+        recovery=25)

@@ -122,16 +122,13 @@ class CommandSupervisor:
             return
         if fault is not None and self.mode is Mode.FAULT:
             self._action.force(now, self.options)
-        elif kind is Kind.RELEASE and self._can_stop(now):
+        elif kind is Kind.RELEASE and self.limiter.last is not None and self.mode in (
+                Mode.RUNNING, Mode.FAULT) and (
+                now - self.last_state <= self.options.state_timeout):
             self._stop_has_fault, self.mode = self.mode is Mode.FAULT, Mode.BRAKING
             self._brake_until = now + BRAKING_TIME
         elif kind is Kind.RELEASE_NOW or self.mode is not Mode.BRAKING:
             self._end_command(now)
-
-    def _can_stop(self, now: float) -> bool:
-        is_supplied = now - self.last_state <= self.options.state_timeout
-        return is_supplied and self.mode in (Mode.RUNNING, Mode.FAULT) and (
-            self.limiter.last is not None)
 
     def _end_command(self, now: float) -> None:
         """End the command by the `end_action`: at once, or after the ramp; then be inactive."""
@@ -192,7 +189,7 @@ class CommandSupervisor:
     ) -> FloatArray | None:
         """Return what `answer` returns if nothing but the rate limit matters, else None."""
         if self.mode is not Mode.RUNNING or now - self.last_state > self.options.state_timeout or (
-                not self.limiter.limits.is_clear(q, v)):
+                not self.limiter.limits.clear.contains([*q.tolist(), *v.tolist()])):
             return None
         passed = dt if dt is not None else now - self.last_output
         self.last_state = self.last_output = now
@@ -237,39 +234,34 @@ class CommandSupervisor:
         if self.is_damped:
             self._damped_for += dt or 0.0
             passed = passed if dt is None else min(passed, dt)
+            still = holding()
             if self.keeps_law and follows and self.limiter.last is not None:
-                return self._lawful(now, q, v, command, holding, passed, equation)
-            return self._damped(now, q, v, holding(), passed, brake)
+                held = self.limiter.apply(command, holding, q, v, passed, equation)
+                effort: FloatArray | None = held
+            else:
+                effort, held = self._damped(now, q, v, still, passed, brake)
+            self._action.postpone(now + self.options.state_timeout, held, still)
+            if effort is not None:
+                self.last_output = now
+            return effort
         if self.mode not in (Mode.RUNNING, Mode.BRAKING):
             return self._acting(now)
         self.last_output = now
         return self.limiter.apply(command, holding, q, v, passed if dt is None else dt, equation)
 
-    def _lawful(
-        self, now: float, q: FloatArray, v: FloatArray, command: FloatArray,
-        holding: HoldingEffort, passed: float, equation: MotionEquation | None,
-    ) -> FloatArray:
-        """Answer a state beyond a position limit with the law, and postpone the fault action."""
-        effort = self.limiter.apply(command, holding, q, v, passed, equation)
-        self._action.postpone(now + self.options.state_timeout, effort, holding())
-        self.last_output = now
-        return effort
-
     def _damped(
         self, now: float, q: FloatArray, v: FloatArray, still: FloatArray, passed: float,
         brake: Brake | None,
-    ) -> FloatArray | None:
-        """Answer a state in a fault: hold the arm with damping, and postpone the fault action."""
+    ) -> tuple[FloatArray | None, FloatArray]:
+        """Return the effort that holds the arm with damping in a fault, within limits and not."""
         braked = still if brake is None else brake(q, v, still)
         if self.fault is None or self.fault.name != FROZEN_JOINT:  # a lost joint drives others
             fault = self._action.release(self._damped_for, v, braked - still)
             if fault is not None:
                 self._fail(now, fault)
-        self._action.postpone(now + self.options.state_timeout, braked, still)
         if self.limiter.last is None:  # no effort has begun, or the action has ended
-            return None
-        self.last_output = now
-        return self._action.limited(braked, passed)
+            return None, braked
+        return self._action.limited(braked, passed), braked
 
     def repeat(self) -> FloatArray | None:
         """Return the effort of the last state again, or None if no efforts are published."""
@@ -283,8 +275,8 @@ class CommandSupervisor:
         """
         timeout, passed = self.options.state_timeout, now - self.last_state
         if coasting is not None and self.mode is Mode.FAULT and (
-                self._action.coasts(now, self.options)):
-            self._action.coast(coasting(self.holding(), passed, timeout))
+                0.0 < now - self._action.since <= self.options.hold_time):
+            self._action.ramped = coasting(self.holding(), passed, timeout)
         if passed > timeout and self.mode is Mode.RUNNING:
             self._fail(now, self._timeout())
         elif self.mode is Mode.BRAKING and now > self.deadline:

@@ -50,17 +50,13 @@ class UndampedJoints:
         if self.released.any():
             self.released = self.released | is_fast
             return -1
-        opposed = is_fast & (damping * v < 0.0)
-        passed = time - self._since
-        if not 0.0 <= passed <= 4.0 * WINDOW:
-            self._since, self._speed, self._opposed = time, speed, opposed
+        opposed, passed = is_fast & (damping * v < 0.0), time - self._since
+        if 0.0 <= passed < WINDOW - 1e-9:  # a sum of periods
+            self._opposed = self._opposed & opposed
             return -1
-        self._opposed = self._opposed & opposed
-        if passed < WINDOW - 1e-9:  # a sum of periods
-            return -1
-        found = self._opposed & (speed > self._speed + NOISE)
+        found = self._opposed & opposed & (speed > self._speed + NOISE)
         self._since, self._speed, self._opposed = time, speed, opposed
-        if not found.any():
+        if not 0.0 <= passed <= 4.0 * WINDOW or not found.any():
             return -1
         self.released = found
         return int(np.argmax(found))

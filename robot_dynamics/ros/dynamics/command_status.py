@@ -8,9 +8,6 @@ from dataclasses import dataclass, field
 import math
 import time
 
-from robot_dynamics.arrays import any_of
-from robot_dynamics.control.control_output import ControlOutput
-from robot_dynamics.control.safety.effort_limiter import ActiveLimits
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, WARN
@@ -30,20 +27,11 @@ class CommandCounters:
     has_incompatible: bool = False
     """Whether a subscriber requests an incompatible QoS."""
 
-    def count_limits(self, output: ControlOutput, active: ActiveLimits | None) -> None:
+    def count_limits(self, names: tuple[str, ...]) -> None:
         """Count the limits that have changed the effort of a state."""
-        if output.law.scale < 1.0:
-            self._count_limit('scaled gains')
-        if output.clamped is not None:
-            self._count_limit('effort limit')
-        if active is not None:
-            for name, joints in zip(('position limit', 'velocity limit', 'effort rate'), active):
-                if any_of(joints):
-                    self._count_limit(name)
-
-    def _count_limit(self, name: str) -> None:
-        self.others[f'held back by {name}'] += 1
-        self.limited_at = time.monotonic()
+        if names:
+            self.others.update(f'held back by {name}' for name in names)
+            self.limited_at = time.monotonic()
 
     @property
     def figures(self) -> dict[str, int]:

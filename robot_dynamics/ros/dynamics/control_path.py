@@ -58,6 +58,8 @@ class ControlPath:
             for topic, message_type in (
                 ('~/gravity_compensation', JointState), ('~/computed_torque', JointState),
                 ('~/terms', DynamicsTerms), ('~/reference', JointState))]
+        self._paused = 0
+        """Number of streams of set-points that had paused at the last state."""
         (self._send_gravity, self._send_computed_torque, self._send_terms,
          self._send_reference) = map(raw_publish, publishers)
         self._drives = DriveCommands(node, NEWEST_ONLY)
@@ -137,8 +139,8 @@ class ControlPath:
             state.stamp_ns, q, v, time.time_ns(), steady_ns, self._has_several_publishers,
             command.order.fault, partial(command.publish, state.stamp))
         mode = served.loop.supervisor.mode
-        if mode is not command.mode_seen or mode is not Mode.RUNNING or answer.limits is not None:
-            command.counters.count_limits(answer.output, answer.limits)
+        if mode is not command.mode_seen or mode is not Mode.RUNNING or answer.limits:
+            command.counters.count_limits(answer.limits)
             command.log_changes()
         self._follow(served, state, answer, q, v, 1e-9 * steady_ns)
 
@@ -181,9 +183,11 @@ class ControlPath:
             states.repeated += 1
         if verdict.restart and (offset := served.loop.gate.plausibility.clock_offset) > 0.0:
             states.clock(offset)
-        if served.loop.goals.notice:
-            states.warn('notice', served.loop.goals.notice)
-            served.loop.goals.notice = ''
+        paused, self._paused = self._paused, served.loop.goals.paused_streams
+        if self._paused > paused:
+            states.warn(
+                'paused', 'The stream of set-points paused for more than reference_timeout: the '
+                'arm stops and holds its position.')
         for count in self._counts:
             if count():
                 self._publish(state, served, answer)

@@ -14,7 +14,7 @@ from robot_dynamics.control.laws.error_feedback import (
     make_gains,
     per_joint,
 )
-from robot_dynamics.control.laws.law_table import all_laws, command_modes, declared, law_options
+from robot_dynamics.control.laws.law_table import all_laws, command_modes, declared
 from robot_dynamics.control.options import (
     ControllerOptions,
     default_effort_rates,
@@ -182,7 +182,7 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
         parameters={one.name: values[one.name] for one in of_laws},
         drive_stiffness=optional_values('drive.stiffness', values, arm))
     for law in all_laws().values():
-        law_options(law, arm, options)
+        law.options(arm, options)
     return options
 
 

@@ -10,9 +10,8 @@ import time
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.gains.rest_stiffness import rest_stiffness
 from robot_dynamics.control.loop import ControlLoop, STOPPED
-from robot_dynamics.control.shortfall import shortfall
+from robot_dynamics.control.rest import rest_stiffness, shortfall
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.ros.dynamics.control_path import ControlPath
