@@ -24,6 +24,7 @@ from rclpy.publisher import Publisher
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.ros.middleware.graph_watch import full_name
+from robot_dynamics.ros.middleware.pausing_timer import PausingTimer
 from robot_dynamics.ros.middleware.rclpy_internals import RclError, subscription_count
 
 LOOK_PERIOD = 0.1
@@ -114,7 +115,7 @@ class ControllerOrder:
         """Number of subscribers at the last command."""
         self._reported: set[str] = set()
         node.create_timer(RECHECK_PERIOD, self.check)
-        self._timer = node.create_timer(LOOK_PERIOD, self.check)
+        self._timer = PausingTimer(node, LOOK_PERIOD, self.check)
         """Runs while a subscriber is unchecked."""
         self.look_now = node.create_guard_condition(self.check).trigger
         """Check at once; may be called in any thread."""
@@ -137,10 +138,7 @@ class ControllerOrder:
         checked = [one for one in self._subscribers.values() if one.is_checked]
         self._compare(checked, names)
         self._open_for = names if self._has_order(names) else None
-        if len(checked) < max(len(self._subscribers), self._count()):
-            self._timer.reset()
-        else:
-            self._timer.cancel()
+        self._timer.run(len(checked) < max(len(self._subscribers), self._count()))
 
     def _has_order(self, names: list[str]) -> bool:
         """Return whether a subscriber has this order, or none can have another one."""

@@ -19,7 +19,7 @@ import warnings
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from rclpy.service import Service
-from rclpy.timer import Timer
+from robot_dynamics.ros.middleware.pausing_timer import PausingTimer
 from robot_dynamics.ros.middleware.rclpy_internals import (
     replace_send_response,
     request_number,
@@ -126,7 +126,7 @@ class ExecutorDelivery(AnswerDelivery):
 
     def __init__(self, node: Node) -> None:
         super().__init__(node)
-        self._timer: Timer | None = None
+        self._timer = PausingTimer(node, TURN, self.send_waiting)
 
     def take_over(self, service: Service) -> None:
         """Send the responses of a service of the node from now on."""
@@ -135,10 +135,7 @@ class ExecutorDelivery(AnswerDelivery):
     def send_waiting(self) -> None:
         """Send what can be sent; a timer calls again while responses wait."""
         super().send_waiting()
-        if self.has_waiting and self._timer is None:
-            self._timer = self._node.create_timer(TURN, self.send_waiting)
-        elif self._timer is not None:
-            (self._timer.reset if self.has_waiting else self._timer.cancel)()
+        self._timer.run(self.has_waiting)
 
 
 def is_discovered(node: Node, service: Service) -> bool:

@@ -23,6 +23,7 @@ from robot_dynamics.ros.dynamics.model_source import LATCHED
 from robot_dynamics.ros.dynamics.payloads import ALL_PAYLOADS
 from robot_dynamics.ros.middleware.conversions import payload_from_ros
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
+from robot_dynamics.ros.middleware.pausing_timer import PausingTimer
 from robot_dynamics.ros.parameters.declared_parameters import Values
 from robot_dynamics.urdf.document import LARGEST_DESCRIPTION
 from std_msgs.msg import String
@@ -69,8 +70,7 @@ class FollowedDynamics:
         node.create_subscription(
             String, f'{name}/robot_description', self._on_description, LATCHED,
             largest=LARGEST_DESCRIPTION)
-        self._settle = node.create_timer(SETTLE, self._use_payloads)
-        self._settle.cancel()
+        self._settle = PausingTimer(node, SETTLE, self._use_payloads)
         node.create_timer(PERIOD, self._look)
         node.get_logger().info(f'Waiting for the parameters of the node {name}.')
 
@@ -153,8 +153,9 @@ class FollowedDynamics:
             self._known[link] = inertia, payload
         if payload is not None:
             self._payloads.append(payload)
-        self._settle.reset()
+        self._settle.run(False)
+        self._settle.run(True)
 
     def _use_payloads(self) -> None:
-        self._settle.cancel()
+        self._settle.run(False)
         self._take_payloads(tuple(self._payloads))

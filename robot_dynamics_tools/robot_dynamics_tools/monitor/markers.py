@@ -24,6 +24,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
+from robot_dynamics.ros.middleware.pausing_timer import PausingTimer
 from robot_dynamics_tools.monitor.followed_model import Followed
 from robot_dynamics_tools.monitor.states import MeasuredState
 from robot_dynamics_tools.pictures.arm_marks import ArmMarks, effort_line, effort_scale
@@ -78,8 +79,7 @@ class LiveMarkers:
         self._rests_until = 0.0
         self.is_on = False
         """Whether there are subscribers."""
-        self._timer = node.create_timer(PERIOD, self._draw)
-        self._timer.cancel()
+        self._timer = PausingTimer(node, PERIOD, self._draw)
         self._publisher = node.create_publisher(
             MarkerArray, '~/markers', QoSProfile(depth=1),
             event_callbacks=PublisherEventCallbacks(matched=self._match))
@@ -89,12 +89,11 @@ class LiveMarkers:
         if is_on == self.is_on:
             return
         self.is_on = is_on
+        self._timer.run(is_on)
         if is_on:
-            self._timer.reset()
             self._commands = self._node.create_subscription(
                 JointState, 'effort_command', self._on_command, COMMANDS)
         else:
-            self._timer.cancel()
             self._node.destroy_subscription(self._commands)
             self._seen = self._command = None  # outdated for the next subscriber
 

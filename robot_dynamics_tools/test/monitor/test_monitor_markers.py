@@ -158,10 +158,14 @@ def test_the_display_shows_all_that_is_drawn():
 
 
 def test_markers_are_off_without_subscribers(client):
+    def timers() -> int:
+        return len(list(client.node.timers))
+
+    without = timers()
     markers = LiveMarkers(client.node)
     for _ in range(2):
         wait_until(lambda: not markers.is_on, 'markers that are off')
-        wait_until(lambda: markers._timer.is_canceled(), 'the end of the timer')
+        wait_until(lambda: timers() == without, 'the end of the timer')
         with client.collect(MarkerArray, '/test_client/markers'):
             wait_until(lambda: markers.is_on, 'markers that are on')
-            wait_until(lambda: not markers._timer.is_canceled(), 'the timer')
+            wait_until(lambda: timers() == without + 1, 'the timer')

@@ -43,6 +43,7 @@ from robot_dynamics.ros.middleware.conversions import (
 )
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
 from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.pausing_timer import PausingTimer
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 FEEDBACK_PERIOD = 0.05
@@ -88,8 +89,7 @@ class FollowJointTrajectoryServer:
         self._type: Any = FollowJointTrajectory
         # A goal that waits for its client in `_take` must not stop the other callbacks.
         group = ReentrantCallbackGroup()
-        self._feedback = node.create_timer(FEEDBACK_PERIOD, self._publish_feedback, group)
-        self._feedback.cancel()
+        self._feedback = PausingTimer(node, FEEDBACK_PERIOD, self._publish_feedback, group)
         self._ended = node.create_guard_condition(self._look, group)
         self._turned = node.create_guard_condition(self._count_turn, group)
         self._server = _GuardedServer(
@@ -130,7 +130,7 @@ class FollowJointTrajectoryServer:
         with self._lock:
             self._open[id(request)] = object() if self._turns > 0 else (
                 None if loop is None else loop.goals.epoch)
-        self._feedback.reset()  # lets the executor look again
+        self._feedback.run(True)  # lets the executor look again
         until = time.monotonic() + LONGEST_WAIT
         while time.monotonic() < until and not self._is_client_discovered():
             await _Turn()
@@ -214,8 +214,7 @@ class FollowJointTrajectoryServer:
                 if handle.is_cancel_requested:
                     loop.goals.cancel(goal)
             self._running = waiting
-            if not self._open:
-                self._feedback.cancel()
+            self._feedback.run(bool(self._open))
 
     def _publish_feedback(self) -> None:
         self._look()
