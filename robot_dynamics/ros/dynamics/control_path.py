@@ -23,10 +23,9 @@ from robot_dynamics.ros.dynamics.served import ArmMessages, Served
 from robot_dynamics.ros.dynamics.state_log import StateLog
 from robot_dynamics.ros.middleware.cdr_templates import SensedState
 from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
-from robot_dynamics.ros.middleware.joint_state_reader import OtherJointsError
 from robot_dynamics.ros.middleware.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.middleware.rclpy_internals import raw_publish, subscription_count
-from robot_dynamics.ros.middleware.state_assembly import ForeignJointsError
+from robot_dynamics.ros.middleware.state_assembly import ForeignJointsError, OtherJointsError
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
 

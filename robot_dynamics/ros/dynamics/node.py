@@ -221,7 +221,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         values = self._settings.values
         self._payloads.check(arm)
         controller = Controller(arm, options_from(values, arm), lock=self._path.command.lock)
-        if self._payloads:
+        if self._payloads.payloads:
             controller.set_payloads(self._payloads.payloads, 0.0, lambda _: None)
         if self._gravity.measured is not None:
             controller.set_gravity(self._gravity.measured, math.inf)

@@ -67,8 +67,12 @@ class DynamicsServices:
         self._node, self._payloads, self._served = node, payloads, controller
 
         def offer(service_type: type, name: str, handler: Handler) -> None:
-            node.create_service(
-                service_type, f'~/{name}', _answering(handler), qos_profile=SERVICE_QOS)
+            def answer(request: Any, response: Any) -> Any:
+                handler(request, response)
+                response.success = True
+                return response
+
+            node.create_service(service_type, f'~/{name}', answer, qos_profile=SERVICE_QOS)
 
         offer(srv.InverseDynamics, 'inverse_dynamics', self._inverse_dynamics)
         offer(srv.InverseDynamicsBatch, 'inverse_dynamics_batch', self._batch)
@@ -241,21 +245,13 @@ class DynamicsServices:
         self, request: srv.SetPayload.Request, response: srv.SetPayload.Response,
     ) -> None:
         seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
-        if self._served() is None and self._payloads and request.payload.inertia.m == 0.0:
+        if self._served() is None and self._payloads.payloads and (
+                request.payload.inertia.m == 0.0):
             response.message = self._payloads.remove(request.payload.header.frame_id)
             return
         controller = self._used()
         response.message = self._payloads.change(controller, request.payload, seconds)
         response.warnings = self._payloads.warnings(controller.arm)
-
-
-def _answering(handler: Handler) -> Callable[[Any, Any], Any]:
-    def answer(request: Any, response: Any) -> Any:
-        handler(request, response)
-        response.success = True
-        return response
-
-    return answer
 
 
 def _fill(
