@@ -12,7 +12,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.derivatives import ArmDerivatives
 from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.joint_order import JointOrder
@@ -95,23 +95,29 @@ class DynamicsServices:
         """Return the dynamics for planning: the services run in the executor's thread."""
         return self._used().load.planning
 
+    def _state_of(
+        self, request: Any, response: Any,
+    ) -> tuple[UncheckedArmDynamics, JointOrder, FloatArray, FloatArray]:
+        """Return the dynamics, the order of a request, and its q and v (n,); fill in the names."""
+        dynamics = self._dynamics().unchecked
+        order = JointOrder(dynamics.arm, request.joint_names)
+        response.joint_names = list(order.names)
+        return (dynamics, order, order.position(request.position),
+                order.rate(request.velocity, 'velocity'))
+
     def _inverse_dynamics(
         self, request: srv.InverseDynamics.Request, response: srv.InverseDynamics.Response,
     ) -> None:
-        checked = self._dynamics()
-        dynamics = checked.unchecked
-        order = JointOrder(dynamics.arm, request.joint_names)
-        q = order.position(request.position)
-        v = order.rate(request.velocity, 'velocity')
+        dynamics, order, q, v = self._state_of(request, response)
         a = order.rate(request.acceleration, 'acceleration')
         wrenches = wrenches_from_ros(dynamics.arm, request.external_wrenches)
         terms = dynamics.terms(q, v, a, wrenches)
-        response.joint_names = list(order.names)
         _fill(response, order.answer, effort=terms.effort)
         uncertainty = dynamics.arm.uncertainty
         if uncertainty is not None and uncertainty.has_covariance:
             _fill(response, order.answer, effort_deviation=EffortDeviation(
-                checked, uncertainty).prediction(q, v, a, terms.effort - terms.friction))
+                self._dynamics(), uncertainty).prediction(
+                    q, v, a, terms.effort - terms.friction))
         response.terms = terms_to_ros(
             terms, order.names, self._node.get_clock().now().to_msg(), order)
         response.warnings = [
@@ -189,13 +195,9 @@ class DynamicsServices:
     def _forward_dynamics(
         self, request: srv.ForwardDynamics.Request, response: srv.ForwardDynamics.Response,
     ) -> None:
-        dynamics = self._dynamics().unchecked
-        order = JointOrder(dynamics.arm, request.joint_names)
-        q = order.position(request.position)
-        v = order.rate(request.velocity, 'velocity')
+        dynamics, order, q, v = self._state_of(request, response)
         tau = order.effort(request.effort)
         wrenches = wrenches_from_ros(dynamics.arm, request.external_wrenches)
-        response.joint_names = list(order.names)
         a = dynamics.forward_dynamics(q, v, tau, wrenches)
         _fill(response, order.answer, acceleration=a)
         response.warnings = [
@@ -205,12 +207,8 @@ class DynamicsServices:
     def _manipulator_equation(
         self, request: srv.ManipulatorEquation.Request, response: srv.ManipulatorEquation.Response,
     ) -> None:
-        dynamics = self._dynamics().unchecked
+        dynamics, order, q, v = self._state_of(request, response)
         body = dynamics.rigid_body
-        order = JointOrder(dynamics.arm, request.joint_names)
-        q = order.position(request.position)
-        v = order.rate(request.velocity, 'velocity')
-        response.joint_names = list(order.names)
         nonlinear = body.nonlinear(q, v)
         _fill(response, order.answer, gravity=body.gravity(q), nonlinear=nonlinear,
               friction=dynamics.friction_effort(v, nonlinear))
