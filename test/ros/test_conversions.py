@@ -19,7 +19,7 @@ from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware import conversions
-from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader, OtherJointsError
+from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
@@ -183,9 +183,8 @@ def test_joint_states_are_read_by_name(names, seed):
 def test_joint_states_that_lack_a_joint_or_double_one_are_refused(names):
     assume(not all(names.count(joint) == 1 for joint in NAMES))
     message = JointState(name=names, position=[0.0] * len(names))
-    with pytest.raises(InvalidInputError) as refusal:
+    with pytest.raises(InvalidInputError, match='^name '):
         JointStateReader(NAMES).read(message)
-    assert isinstance(refusal.value, OtherJointsError) == (not set(NAMES) & set(names))
 
 
 @pytest.mark.parametrize(('number', 'is_finite'), [

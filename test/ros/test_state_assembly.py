@@ -10,8 +10,12 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.ros.middleware.cdr_templates import JointStateDecoder, SensedState, stamp_bytes
-from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader, OtherJointsError
-from robot_dynamics.ros.middleware.state_assembly import ForeignJointsError, StateAssembly
+from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
+from robot_dynamics.ros.middleware.state_assembly import (
+    ForeignJointsError,
+    OtherJointsError,
+    StateAssembly,
+)
 from sensor_msgs.msg import JointState
 
 rclpy_serialization = pytest.importorskip('rclpy.serialization')

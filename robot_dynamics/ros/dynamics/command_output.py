@@ -63,6 +63,9 @@ class CommandOutput:
         self._count = subscription_count(self._command)
         self._commands = self._publisher(Float64MultiArray, '~/commands', qos)
         self._count_bare = subscription_count(self._commands)
+        self.topics: dict[str, str] = {
+            'effort_command': self._command.topic_name, '~/commands': self._commands.topic_name}
+        """The full names of the command topics by their documented names."""
         self.served: Served | None = None
         """What is served, the only reference of the node to it."""
         self._stamp = bytes(8)
@@ -135,12 +138,6 @@ class CommandOutput:
     def has_listeners(self) -> bool:
         """Return whether the command has subscribers."""
         return bool(self._count() or self._count_bare())
-
-    @property
-    def topics(self) -> dict[str, str]:
-        """The full names of the command topics by their documented names."""
-        return {
-            'effort_command': self._command.topic_name, '~/commands': self._commands.topic_name}
 
     # ------------------------------------------------------------------ start and end
 

@@ -12,21 +12,20 @@ import numpy as np
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import NonFiniteEffortError
+from robot_dynamics.control.feed_forward import DriveCommand
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
 from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
 from robot_dynamics.ros.dynamics.command_output import CommandOutput
-from robot_dynamics.ros.dynamics.drive_commands import DriveCommands
 from robot_dynamics.ros.dynamics.served import ArmMessages, Served
 from robot_dynamics.ros.dynamics.state_log import StateLog
 from robot_dynamics.ros.middleware.cdr_templates import SensedState
 from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
-from robot_dynamics.ros.middleware.joint_state_reader import OtherJointsError
 from robot_dynamics.ros.middleware.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.middleware.rclpy_internals import raw_publish, subscription_count
-from robot_dynamics.ros.middleware.state_assembly import ForeignJointsError
+from robot_dynamics.ros.middleware.state_assembly import ForeignJointsError, OtherJointsError
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
 
@@ -57,13 +56,13 @@ class ControlPath:
             node.create_publisher(message_type, topic, NEWEST_ONLY)
             for topic, message_type in (
                 ('~/gravity_compensation', JointState), ('~/computed_torque', JointState),
-                ('~/terms', DynamicsTerms), ('~/reference', JointState))]
+                ('~/terms', DynamicsTerms), ('~/reference', JointState),
+                ('~/feed_forward', JointState), ('~/position_offset', JointState))]
+        (self._send_gravity, self._send_computed_torque, self._send_terms, self._send_reference,
+         self._send_drive_command, self._send_offset) = map(raw_publish, publishers)
+        self._counts = [subscription_count(publisher) for publisher in publishers]
         self._paused = 0
         """Number of streams of set-points that had paused at the last state."""
-        (self._send_gravity, self._send_computed_torque, self._send_terms,
-         self._send_reference) = map(raw_publish, publishers)
-        self._drives = DriveCommands(node, NEWEST_ONLY)
-        self._counts = [*map(subscription_count, publishers), *self._drives.counts]
         self.command = CommandOutput(node, NEWEST_ONLY, when_changed)
 
     @property
@@ -208,13 +207,13 @@ class ControlPath:
         if not served.check.done:
             served.check.add_state(
                 reader, state, q, gravity,
-                answer.effort if self.command.has_listeners() or self._drives.has_listeners()
-                else None)
+                answer.effort if self.command.has_listeners() or self._counts[4]() or (
+                    self._counts[5]()) else None)
 
     def _publish(self, state: SensedState, served: Served, answer: LoopAnswer) -> None:
         messages, output = served.messages, answer.output
-        gravity, computed_torque, terms_count, reference_count = (
-            count() for count in self._counts[:4])
+        gravity, computed_torque, terms_count, reference_count, drive_command, offset = (
+            count() for count in self._counts)
         if gravity:
             self._send_gravity(messages.effort.filled(state.stamp, output.gravity_compensation))
         if computed_torque and output.computed_torque is not None:
@@ -228,4 +227,19 @@ class ControlPath:
         if reference is not None:
             self._send_reference(messages.motion.filled(
                 state.stamp, reference.position, reference.velocity))
-        self._drives.publish(state.stamp, served, answer)
+        command = served.feed_forward.command(answer) if drive_command or offset else None
+        if drive_command and command is not None:
+            self._send_drive_command(messages.drive_command.filled(state.stamp, *command))
+        if offset and command is not None:
+            self._publish_offset(state.stamp, served, command)
+
+    def _publish_offset(self, stamp: bytes, served: Served, command: DriveCommand) -> None:
+        """Publish the position at which the position loops of the drives give the effort."""
+        stiffness, limits = served.loop.controller.options.drive_stiffness, served.arm.limits
+        if stiffness is None:
+            self.states.warn(
+                'no stiffness', 'Nothing is published on ~/position_offset: drive.stiffness is '
+                'empty, expected the stiffness k_p of the drives.')
+            return
+        position = command.position_offset(stiffness, limits.lower, limits.upper)
+        self._send_offset(served.messages.motion.filled(stamp, position, command.velocity))

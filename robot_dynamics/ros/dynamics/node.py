@@ -33,7 +33,7 @@ from robot_dynamics.ros.dynamics.parameters import (
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.served import ArmMessages, Served
 from robot_dynamics.ros.dynamics.services import DynamicsServices
-from robot_dynamics.ros.middleware.diagnostics import Diagnostics, OK, Status, WARN
+from robot_dynamics.ros.middleware.diagnostics import OK, publish_diagnostics, Status, WARN
 from robot_dynamics.ros.middleware.graph_watch import GraphWatch
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
 from robot_dynamics.ros.middleware.joint_state_loop import JointStateLoop
@@ -106,7 +106,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._configuring_failed: Exception | None = None
         self._is_starting = False
         self._path = ControlPath(
-            self, lambda: self._loop.publisher_count(), Diagnostics(self, self._statuses).look_now)
+            self, lambda: self._loop.publisher_count(), publish_diagnostics(self, self._statuses))
         closers.append(self._path.command.close)
         self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
         self._payloads = PayloadKeeper(self, lambda: self._settings.values)
@@ -221,7 +221,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         values = self._settings.values
         self._payloads.check(arm)
         controller = Controller(arm, options_from(values, arm), lock=self._path.command.lock)
-        if self._payloads:
+        if self._payloads.payloads:
             controller.set_payloads(self._payloads.payloads, 0.0, lambda _: None)
         if self._gravity.measured is not None:
             controller.set_gravity(self._gravity.measured, math.inf)

@@ -54,10 +54,6 @@ class PayloadKeeper:
         """Reason why the newest model cannot carry the payloads, empty if it can."""
         self._publisher = node.create_publisher(InertiaStamped, '~/payload', ALL_PAYLOADS)
 
-    def __bool__(self) -> bool:
-        """Return whether there is a payload."""
-        return bool(self.payloads)
-
     def check(self, arm: ArmModel) -> None:
         """Raise InvalidInputError if an arm cannot carry the kept payloads."""
         try:

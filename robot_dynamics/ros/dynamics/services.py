@@ -12,7 +12,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.derivatives import ArmDerivatives
 from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.joint_order import JointOrder
@@ -67,8 +67,12 @@ class DynamicsServices:
         self._node, self._payloads, self._served = node, payloads, controller
 
         def offer(service_type: type, name: str, handler: Handler) -> None:
-            node.create_service(
-                service_type, f'~/{name}', _answering(handler), qos_profile=SERVICE_QOS)
+            def answer(request: Any, response: Any) -> Any:
+                handler(request, response)
+                response.success = True
+                return response
+
+            node.create_service(service_type, f'~/{name}', answer, qos_profile=SERVICE_QOS)
 
         offer(srv.InverseDynamics, 'inverse_dynamics', self._inverse_dynamics)
         offer(srv.InverseDynamicsBatch, 'inverse_dynamics_batch', self._batch)
@@ -91,23 +95,29 @@ class DynamicsServices:
         """Return the dynamics for planning: the services run in the executor's thread."""
         return self._used().load.planning
 
+    def _state_of(
+        self, request: Any, response: Any,
+    ) -> tuple[UncheckedArmDynamics, JointOrder, FloatArray, FloatArray]:
+        """Return the dynamics, the order of a request, and its q and v (n,); fill in the names."""
+        dynamics = self._dynamics().unchecked
+        order = JointOrder(dynamics.arm, request.joint_names)
+        response.joint_names = list(order.names)
+        return (dynamics, order, order.position(request.position),
+                order.rate(request.velocity, 'velocity'))
+
     def _inverse_dynamics(
         self, request: srv.InverseDynamics.Request, response: srv.InverseDynamics.Response,
     ) -> None:
-        checked = self._dynamics()
-        dynamics = checked.unchecked
-        order = JointOrder(dynamics.arm, request.joint_names)
-        q = order.position(request.position)
-        v = order.rate(request.velocity, 'velocity')
+        dynamics, order, q, v = self._state_of(request, response)
         a = order.rate(request.acceleration, 'acceleration')
         wrenches = wrenches_from_ros(dynamics.arm, request.external_wrenches)
         terms = dynamics.terms(q, v, a, wrenches)
-        response.joint_names = list(order.names)
         _fill(response, order.answer, effort=terms.effort)
         uncertainty = dynamics.arm.uncertainty
         if uncertainty is not None and uncertainty.has_covariance:
             _fill(response, order.answer, effort_deviation=EffortDeviation(
-                checked, uncertainty).prediction(q, v, a, terms.effort - terms.friction))
+                self._dynamics(), uncertainty).prediction(
+                    q, v, a, terms.effort - terms.friction))
         response.terms = terms_to_ros(
             terms, order.names, self._node.get_clock().now().to_msg(), order)
         response.warnings = [
@@ -185,13 +195,9 @@ class DynamicsServices:
     def _forward_dynamics(
         self, request: srv.ForwardDynamics.Request, response: srv.ForwardDynamics.Response,
     ) -> None:
-        dynamics = self._dynamics().unchecked
-        order = JointOrder(dynamics.arm, request.joint_names)
-        q = order.position(request.position)
-        v = order.rate(request.velocity, 'velocity')
+        dynamics, order, q, v = self._state_of(request, response)
         tau = order.effort(request.effort)
         wrenches = wrenches_from_ros(dynamics.arm, request.external_wrenches)
-        response.joint_names = list(order.names)
         a = dynamics.forward_dynamics(q, v, tau, wrenches)
         _fill(response, order.answer, acceleration=a)
         response.warnings = [
@@ -201,12 +207,8 @@ class DynamicsServices:
     def _manipulator_equation(
         self, request: srv.ManipulatorEquation.Request, response: srv.ManipulatorEquation.Response,
     ) -> None:
-        dynamics = self._dynamics().unchecked
+        dynamics, order, q, v = self._state_of(request, response)
         body = dynamics.rigid_body
-        order = JointOrder(dynamics.arm, request.joint_names)
-        q = order.position(request.position)
-        v = order.rate(request.velocity, 'velocity')
-        response.joint_names = list(order.names)
         nonlinear = body.nonlinear(q, v)
         _fill(response, order.answer, gravity=body.gravity(q), nonlinear=nonlinear,
               friction=dynamics.friction.effort(v, nonlinear))
@@ -241,21 +243,13 @@ class DynamicsServices:
         self, request: srv.SetPayload.Request, response: srv.SetPayload.Response,
     ) -> None:
         seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
-        if self._served() is None and self._payloads and request.payload.inertia.m == 0.0:
+        if self._served() is None and self._payloads.payloads and (
+                request.payload.inertia.m == 0.0):
             response.message = self._payloads.remove(request.payload.header.frame_id)
             return
         controller = self._used()
         response.message = self._payloads.change(controller, request.payload, seconds)
         response.warnings = self._payloads.warnings(controller.arm)
-
-
-def _answering(handler: Handler) -> Callable[[Any, Any], Any]:
-    def answer(request: Any, response: Any) -> Any:
-        handler(request, response)
-        response.success = True
-        return response
-
-    return answer
 
 
 def _fill(

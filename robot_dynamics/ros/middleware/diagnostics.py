@@ -46,35 +46,37 @@ def values_per_joint(values: Iterable[KeyValue], beginning: str) -> dict[str, fl
         for pair in values if pair.key.startswith(f'{beginning} ')}
 
 
-class Diagnostics:
-    """Publishes the statuses of `look` by a steady clock, which a paused /clock does not stop."""
+def publish_diagnostics(
+    node: Node, look: Callable[[], Sequence[Status]],
+) -> Callable[[], None]:
+    """
+    Publish the statuses of `look` once per second, and those that have changed on a call.
 
-    def __init__(self, node: Node, look: Callable[[], Sequence[Status]]) -> None:
-        """`look` returns all statuses; it is called once per second, and by `look_now`."""
-        self._node = node
-        self._look = look
-        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._reported: dict[str, tuple[bytes, object]] = {}
-        node.create_timer(PERIOD, self._report)
-        self.look_now = node.create_guard_condition(
-            partial(self._report, even_unchanged=False)).trigger
-        """Check for a change at once; may be called in any thread."""
+    Returns the function to call after a change, in any thread.
+    """
+    publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+    reported: dict[str, tuple[bytes, object]] = {}
 
-    def _report(self, even_unchanged: bool = True) -> None:
-        statuses = self._look()
+    def report(even_unchanged: bool = True) -> None:
+        nonlocal reported
+        statuses = look()
         found = {status.name: (status.level, status.event) for status in statuses}
-        if not even_unchanged and found == self._reported:
+        if not even_unchanged and found == reported:
             return
-        self._reported = found
-        message = DiagnosticArray(status=[self._to_ros(status) for status in statuses])
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        self._publisher.publish(message)
+        reported = found
+        message = DiagnosticArray(status=[
+            _to_ros(node.get_fully_qualified_name(), status) for status in statuses])
+        message.header.stamp = node.get_clock().now().to_msg()
+        publisher.publish(message)
 
-    def _to_ros(self, status: Status) -> DiagnosticStatus:
-        full_name = self._node.get_fully_qualified_name()
-        return DiagnosticStatus(
-            name=f'{full_name}: {status.name}',
-            hardware_id=full_name.strip('/'),
-            level=status.level,
-            message=status.message,
-            values=[KeyValue(key=key, value=str(value)) for key, value in status.values.items()])
+    node.create_timer(PERIOD, report)
+    report_changes: Callable[[], None] = node.create_guard_condition(
+        partial(report, even_unchanged=False)).trigger
+    return report_changes
+
+
+def _to_ros(full_name: str, status: Status) -> DiagnosticStatus:
+    return DiagnosticStatus(
+        name=f'{full_name}: {status.name}', hardware_id=full_name.strip('/'),
+        level=status.level, message=status.message,
+        values=[KeyValue(key=key, value=str(value)) for key, value in status.values.items()])

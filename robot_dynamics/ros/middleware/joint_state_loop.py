@@ -51,7 +51,9 @@ class JointStateLoop:
         self._stop = False
         self._inbox = inbox = message_inbox(node, JointState, 'joint_states', QoSProfile(
             depth=MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT))
-        self._subscription, self._take_next = inbox.subscription, inbox.take
+        self.topic, self._take_next = str(inbox.subscription.topic_name), inbox.take
+        self.publisher_count: Callable[[], int] = inbox.subscription.get_publisher_count
+        """Returns how many publishers match this subscription."""
         self._thread = threading.Thread(
             target=self._run, args=(inbox.wait,), name='joint_states loop', daemon=True)
         self.start = self._thread.start
@@ -63,15 +65,6 @@ class JointStateLoop:
         if self._thread.is_alive():
             self._thread.join()
         self._inbox.close()
-
-    @property
-    def topic(self) -> str:
-        """The full name of the topic."""
-        return str(self._subscription.topic_name)
-
-    def publisher_count(self) -> int:
-        """Return how many publishers match this subscription."""
-        return int(self._subscription.get_publisher_count())
 
     def _run(self, wait: Callable[[int], None]) -> None:
         with np.errstate(over='ignore', invalid='ignore'):  # once, not per message
@@ -116,7 +109,7 @@ class JointStateLoop:
             taken = self._take_next()
         except Exception as error:  # no message may end the thread
             self._node.get_logger().warning(
-                f'Cannot take a message of {self._subscription.topic_name}: {error!r}',
+                f'Cannot take a message of {self.topic}: {error!r}',
                 throttle_duration_sec=LOG_PERIOD)
             return None
         return None if taken is None else taken[0]

@@ -15,10 +15,6 @@ from sensor_msgs.msg import JointState
 FINITE = sys.float_info.max
 
 
-class OtherJointsError(InvalidInputError):
-    """A message without any of these joints, such as from another device on the same topic."""
-
-
 class JointStateReader:
     """Finds one arm's joints in `sensor_msgs/JointState` messages, and ignores other joints."""
 
@@ -35,9 +31,8 @@ class JointStateReader:
         """
         Return position (n,) and velocity (n,), None if a velocity is missing or NaN.
 
-        Raises OtherJointsError if the message has none of the joints; InvalidInputError if some
-        are missing, a name appears twice, lengths differ, or another value of these joints is
-        not finite.
+        Raises InvalidInputError if joints are missing, a name appears twice, lengths differ, or
+        another value of these joints is not finite.
         """
         n = len(self._joint_names)
         layout = message.layout if isinstance(message, SensedState) else None
@@ -87,9 +82,6 @@ class JointStateReader:
         """Find the joints; publishers keep their order, so this is done once per publisher."""
         self._known_names = None
         missing = [name for name in self._joint_names if name not in names]
-        if len(missing) == len(self._joint_names):
-            raise OtherJointsError(
-                f'name has none of {list(self._joint_names)} among its {len(names)}')
         if missing:
             present = [name for name in self._joint_names if name in names]
             raise InvalidInputError(

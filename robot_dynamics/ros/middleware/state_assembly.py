@@ -13,7 +13,6 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware.cdr_templates import Layout, SensedState, stamp_bytes
-from robot_dynamics.ros.middleware.joint_state_reader import OtherJointsError
 from robot_dynamics.validation import check_unique
 
 HALF_PERIOD = 0.55
@@ -23,6 +22,10 @@ MOST_SOURCES = 32
 _SMOOTHING = 0.1
 """Weight of a new interval in the period of a source."""
 _LONGEST_PERIOD_NS = 2_000_000_000
+
+
+class OtherJointsError(InvalidInputError):
+    """A message without any of these joints, such as from another device on the same topic."""
 
 
 class ForeignJointsError(InvalidInputError):

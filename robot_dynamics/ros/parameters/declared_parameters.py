@@ -80,15 +80,14 @@ class ParameterSpec:
         return descriptor
 
     def check(self, value: Any) -> None:
-        """Raise InvalidInputError, which names this parameter, for what rclpy does not check."""
-        if self.choices and self.kind is Type.STRING_ARRAY:
-            for i, choice in enumerate(value):
-                check_choice(f'{self.name}[{i}]', choice, self.choices)
-        elif self.choices:
-            check_choice(self.name, value, self.choices)
-        elif self.kind is Type.DOUBLE_ARRAY:
-            for i, number in enumerate(value):
-                check_scalar(f'{self.name}[{i}]', number, self.minimum, self.maximum)
+        """Raise InvalidInputError, which names this parameter, for an invalid value."""
+        is_array = self.kind in (Type.STRING_ARRAY, Type.DOUBLE_ARRAY)
+        for i, entry in enumerate(value if is_array else [value]):
+            name = f'{self.name}[{i}]' if is_array else self.name
+            if self.choices:
+                check_choice(name, entry, self.choices)
+            elif isinstance(entry, float):  # rclpy accepts what is close to a bound
+                check_scalar(name, entry, self.minimum, self.maximum)
 
 
 def number(

@@ -65,21 +65,14 @@ class ArmTopics:
         self._with_effort = state_template(joint_names)
         self._without_effort = state_template(joint_names, has_effort=False)
         self.states = node.create_publisher(JointState, 'joint_states', NEWEST_ONLY)
+        self.topic, self.has_own_time = str(self.states.topic_name), with_clock
+        """The full name of the topic of the joint states; whether the time is simulated."""
         self._motors = node.create_publisher(JointState, '~/motor_states', NEWEST_ONLY)
         self._clock = node.create_publisher(Clock, '/clock', 10) if with_clock else None
         self._read = self._reader.drive_command if has_drive_loop else self._reader.finite_effort
         self.inbox = message_inbox(
             node, JointState, DRIVE_TOPIC if has_drive_loop else 'effort_command', NEWEST_ONLY)
         self.efforts = self.inbox.subscription
-
-    @property
-    def topic(self) -> str:
-        """The full name of the topic of the joint states."""
-        return str(self.states.topic_name)
-
-    @property
-    def has_own_time(self) -> bool:
-        return self._clock is not None
 
     def take_effort(self, seconds: float) -> tuple[FloatArray, int] | None:
         """

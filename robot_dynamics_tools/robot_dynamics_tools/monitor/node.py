@@ -13,7 +13,7 @@ import threading
 
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware.cdr_templates import SensedState
-from robot_dynamics.ros.middleware.diagnostics import Diagnostics, Status
+from robot_dynamics.ros.middleware.diagnostics import publish_diagnostics, Status
 from robot_dynamics.ros.middleware.guarded_callbacks import (
     GuardedCallbacks,
 )
@@ -89,7 +89,7 @@ class DynamicsMonitor(GuardedCallbacks):
         self._dynamics = FollowedDynamics(
             self, dynamics, NAMES, self._models.set_model, self._models.set_payloads)
         self._loop = JointStateLoop(self, self._on_state, self._refuse)
-        Diagnostics(self, self._statuses)
+        publish_diagnostics(self, self._statuses)
         self.call_when_spun(self._loop.start)
 
     def destroy_node(self) -> None:

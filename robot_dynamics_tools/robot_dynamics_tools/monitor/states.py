@@ -14,8 +14,8 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.monitoring.external_effort import joint_effort
 from robot_dynamics.ros.middleware.cdr_templates import SensedState
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
-from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader, OtherJointsError
-from robot_dynamics.ros.middleware.state_assembly import StateAssembly
+from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
+from robot_dynamics.ros.middleware.state_assembly import OtherJointsError, StateAssembly
 from robot_dynamics_tools.monitor.followed_model import Followed
 
 
