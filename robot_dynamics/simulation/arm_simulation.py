@@ -184,7 +184,7 @@ class ArmSimulation:
     def _use(self, arm: ArmModel) -> None:
         self._dynamics = UncheckedArmDynamics(arm)
         self._forces = JointForces(self._dynamics)
-        self._integrator = MotionIntegrator(self._dynamics, self._forces)
+        self._integrator = MotionIntegrator(self._forces)
 
     @property
     def q(self) -> FloatArray:

@@ -21,15 +21,6 @@ from robot_dynamics.simulation.runge_kutta import Acceleration
 _PADE_DEGREE = 6
 
 
-def damping_rate(M: FloatArray, viscous: FloatArray, free: BoolArray) -> float:
-    """
-    Return a bound [1/s] of the relaxation rates of the joints: the trace of M⁻¹F_v.
-
-    Only the joints that move, `free` (n,), count: stuck joints have no relaxation.
-    """
-    return float(np.diag(np.linalg.inv(M[np.ix_(free, free)])) @ viscous[free])
-
-
 class ExponentialStep(NamedTuple):
     """
     Position and velocity (n,) after a step.

@@ -24,10 +24,9 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.simulation.contact_modes import ContactModeSolver
 from robot_dynamics.simulation.events import first_event, StepEnd
-from robot_dynamics.simulation.exponential_step import damping_rate, exponential_step
+from robot_dynamics.simulation.exponential_step import exponential_step
 from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
 from robot_dynamics.simulation.runge_kutta import (
     Acceleration,
@@ -68,10 +67,9 @@ class StepResult(NamedTuple):
 class MotionIntegrator:
     """The motion of one arm under the efforts and wrenches of the last `JointForces.drive`."""
 
-    def __init__(self, dynamics: UncheckedArmDynamics, forces: JointForces) -> None:
+    def __init__(self, forces: JointForces) -> None:
         self._forces = forces
         self._modes = ContactModeSolver(forces)
-        self._damping_bound = _bound_of_damping_rate(dynamics)
 
     def step(self, state: MotionState, h: float) -> StepResult:
         """Return the state after h [s]; the same object if all joints stick rigidly."""
@@ -119,24 +117,19 @@ class MotionIntegrator:
 
     def _stiffness(self, q: FloatArray, h: float, modes: GearModes) -> float:
         """Return a bound of (relaxation rate × h) of the moving joints."""
-        forces = self._forces
-        if modes.springs is not None:
-            M, free = forces.body_with(modes.open).mass_matrix(q), ~modes.joints.stuck
-            compliance = np.diag(np.linalg.inv(M[np.ix_(free, free)]))
-            oscillation = np.sqrt(compliance @ modes.springs.stiffness[free])
-            damping = compliance @ forces.damping(q, np.zeros_like(q), modes)[free]
-            return h * float(max(_SPRING_RATE * oscillation, damping))
+        forces, springs = self._forces, modes.springs
         in_gears = modes.is_steep and not forces.friction.is_linear
-        if not (forces.friction.viscous.any() or in_gears):
+        if springs is None and not (forces.friction.viscous.any() or in_gears):
             return 0.0
-        bound = self._damping_bound * h
-        if bound <= STIFF and not modes.open.any() and not in_gears:
-            return bound
-        M = forces.body_with(modes.open).mass_matrix(q)
+        M, free = forces.body_with(modes.open).mass_matrix(q), ~modes.joints.stuck
+        compliance = np.diag(np.linalg.inv(M[np.ix_(free, free)]))
         # The friction of gears is stiffest at rest.
-        viscous = (
-            forces.damping(q, np.zeros_like(q), modes) if in_gears else forces.friction.viscous)
-        return h * damping_rate(M, viscous, ~modes.joints.stuck)
+        viscous = forces.friction.viscous if springs is None and not in_gears else (
+            forces.damping(q, np.zeros_like(q), modes))
+        rate = compliance @ viscous[free]  # at least the largest rate: the trace of M⁻¹F_v
+        if springs is not None:
+            rate = max(rate, _SPRING_RATE * np.sqrt(compliance @ springs.stiffness[free]))
+        return h * float(rate)
 
     def _advance(
         self, state: MotionState, h: float, modes: GearModes, a: FloatArray | None,
@@ -265,11 +258,3 @@ class MotionIntegrator:
                 body.external(state.q, forces.wrenches) for state in (before, after)))
         return work + forces.kinetic_energy(before) - forces.kinetic_energy(after) + (
             forces.potential_energy(before) - forces.potential_energy(after))
-
-
-def _bound_of_damping_rate(dynamics: UncheckedArmDynamics) -> float:
-    """Return a bound of the relaxation rates [1/s]: M is at least the inertia of the rotors."""
-    viscous, J = dynamics.friction.viscous, dynamics.arm.reflected_inertia
-    with np.errstate(divide='ignore', invalid='ignore'):
-        rates = viscous / J
-    return float(np.where(viscous > 0.0, rates, 0.0).sum())

@@ -62,9 +62,8 @@ class JointForces:
         self.friction, self.body = dynamics.friction, dynamics.rigid_body
         self.backlash = Backlash.of(dynamics.arm.actuators)
         self.bristles = Bristles.of(self.friction)
-        self._arm = dynamics.arm
-        self._bodies: dict[bytes, UncheckedRigidBody] = {}
-        self._frictions: dict[bytes, JointFriction] = {}
+        self._dynamics = dynamics
+        self._apart: dict[bytes, UncheckedArmDynamics] = {}
 
     def drive(self, tau: FloatArray, wrenches: Sequence[ExternalWrench] = ()) -> None:
         """Set the efforts of the motors (n,) and the wrenches that act from now on."""
@@ -93,22 +92,21 @@ class JointForces:
 
     def body_with(self, opened: BoolArray) -> UncheckedRigidBody:
         """Return the rigid bodies without the rotors of separated motors."""
-        if self.backlash is None or not opened.any():
-            return self.body
-        key = opened.tobytes()
-        if key not in self._bodies:
-            self._bodies[key] = UncheckedRigidBody(self._arm.with_rotors_apart(opened))
-        return self._bodies[key]
+        return self._dynamics_with(opened).rigid_body
 
     def friction_with(self, opened: BoolArray) -> JointFriction:
         """Return the friction, without its load-dependent part for separated motors."""
-        if self.backlash is None or not (opened & (self.friction.load_coefficient > 0.0)).any():
-            return self.friction
+        return self._dynamics_with(opened).friction
+
+    def _dynamics_with(self, opened: BoolArray) -> UncheckedArmDynamics:
+        if self.backlash is None or not opened.any():
+            return self._dynamics
         key = opened.tobytes()
-        if key not in self._frictions:
-            self._frictions[key] = self.friction.replaced(
-                load_coefficient=np.where(opened, 0.0, self.friction.load_coefficient))
-        return self._frictions[key]
+        if key not in self._apart:
+            arm, load = self._dynamics.arm, np.where(opened, 0.0, self.friction.load_coefficient)
+            self._apart[key] = UncheckedArmDynamics(arm.with_rotors_apart(opened).with_friction(
+                self.friction.replaced(load_coefficient=load)))
+        return self._apart[key]
 
     def effort(
         self, q: FloatArray, v: FloatArray, opened: BoolArray, springs: Springs | None = None,

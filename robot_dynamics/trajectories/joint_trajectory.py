@@ -201,7 +201,7 @@ def _check_field(
     if len(rows) != count:
         raise TrajectoryError(
             f'{field} has {len(rows)} rows, expected {count}, one for each point')
-    absent = [_is_absent(row) for row in rows]
+    absent = [row is None or is_empty(row) for row in rows]
     if all(absent):
         return [None] * count
     matrix = _stack(field, [
@@ -243,10 +243,6 @@ def _as_matrix(rows: list[Any], columns: int) -> FloatArray:
     if not holds_numbers(rows):
         raise TypeError('not all entries are numbers')
     return np.asarray(rows, dtype=np.float64)
-
-
-def _is_absent(row: object) -> bool:
-    return row is None or is_empty(row)
 
 
 def _check_fields_together(

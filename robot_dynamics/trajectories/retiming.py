@@ -221,21 +221,14 @@ def _fastest(
     return PathTiming(grid, np.sqrt(x), T)
 
 
-def _checked_terms(
-    limits: PathLimits, trajectory: JointTrajectory, grid: PathGrid,
-) -> tuple[PathTerms, PathTerms]:
-    ends = path_terms(limits.dynamics, grid.left), path_terms(limits.dynamics, grid.right)
-    for terms in ends:
-        check_slow_motion(limits, trajectory, terms.end.q, terms.gravity, grid.sign)
-    return ends
-
-
 def _without_short_intervals(
     limits: PathLimits, trajectory: JointTrajectory, grid: PathGrid,
 ) -> tuple[PathGrid, tuple[PathTerms, PathTerms], FloatArray]:
     """Return the grid without nodes that would follow others in less than _SHORTEST."""
     m, n = grid.sign.shape
-    terms = _checked_terms(limits, trajectory, grid)
+    terms = path_terms(limits.dynamics, grid.left), path_terms(limits.dynamics, grid.right)
+    for each in terms:
+        check_slow_motion(limits, trajectory, each.end.q, each.gravity, grid.sign)
     without_friction = limits._replace(dynamics=limits.dynamics.rigid_body)
     rows = constraints(
         without_friction, grid, terms, np.zeros(m + 1), np.zeros(m), np.zeros((m, n)))
