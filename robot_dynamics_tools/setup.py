@@ -27,12 +27,6 @@ EXECUTABLES = {
     'torque_map': 'commands.torque_map:main',
     'viewer': 'viewer.cli:execute',
 }
-VERBS = (
-    'inverse', 'equation', 'task_space', 'pose', 'check', 'payload', 'estimate_payload',
-    'learn_contact_levels', 'status', 'move', 'stop', 'command', 'reset', 'retime', 'watch',
-    'record', 'analyze', 'animate', 'calibrate_gravity', 'demo', 'excite', 'export_mjcf',
-    'identify', 'torque_map', 'viewer')
-"""Verbs of `ros2 dynamics`."""
 # colcon installs executables into lib/robot_dynamics_tools, for `ros2 run`. A wheel (pip install)
 # puts them on the PATH, where their names must not be those of other programs.
 is_wheel = {'bdist_wheel', 'dist_info', 'editable_wheel'} & set(sys.argv)
@@ -83,10 +77,5 @@ setup(
         'ros2cli.command': [
             f'dynamics = {package_name}.ros2_dynamics.ros2cli:DynamicsCommand',
         ],
-        'ros2cli.extension_point': [
-            f'{package_name}.verb = {package_name}.ros2_dynamics.ros2cli:VerbExtension',
-        ],
-        f'{package_name}.verb': [
-            f'{name} = {package_name}.ros2_dynamics.ros2cli:{name}_verb' for name in VERBS],
     },
 )

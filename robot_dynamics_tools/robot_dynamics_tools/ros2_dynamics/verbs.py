@@ -22,7 +22,7 @@ from robot_dynamics.tools import command_line
 from robot_dynamics_tools.options import add_node, number
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 from robot_dynamics_tools.ros2_dynamics.completion import add_completers
-from robot_dynamics_tools.ros2_dynamics.tools import take_all, TOOLS
+from robot_dynamics_tools.ros2_dynamics.tools import is_tool, take_all, Tool, TOOLS
 
 if TYPE_CHECKING:
     from robot_dynamics_tools.ros2_dynamics.answers import Answer
@@ -243,10 +243,17 @@ def make_parser() -> argparse.ArgumentParser:
     parser = command_line.Parser(
         prog='dynamics',
         description='Ask a running dynamics node, move the arm, and run the tools.')
-    verbs = parser.add_subparsers(dest='verb', metavar='VERB')
-    for name, verb in VERBS.items():
-        add_arguments(name, verbs.add_parser(name, help=verb.help, description=f'{verb.help}.'))
-    for name, tool in TOOLS.items():
-        if name not in VERBS:
-            take_all(verbs.add_parser(name, help=tool.help, add_help=False))
+    add_verbs(parser)
     return parser
+
+
+def add_verbs(parser: argparse.ArgumentParser, words: Sequence[str] = ()) -> None:
+    """Add the verbs to a parser for these words, which decide what a tool is."""
+    verbs = parser.add_subparsers(dest='verb', metavar='VERB')
+    described: dict[str, Verb | Tool] = {**VERBS, **TOOLS, **VERBS}  # tools are last
+    for name, verb in described.items():
+        if is_tool(name, words):
+            take_all(verbs.add_parser(name, help=verb.help, add_help=False))
+        else:
+            add_arguments(name, verbs.add_parser(
+                name, help=verb.help, description=f'{verb.help}.'))

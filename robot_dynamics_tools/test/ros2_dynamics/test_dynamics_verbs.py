@@ -3,10 +3,8 @@
 
 """`ros2 dynamics`: the output of its verbs for real nodes, and their error messages."""
 
-import ast
 from collections.abc import Iterator
 import json
-from pathlib import Path
 import re
 import sys
 
@@ -32,7 +30,6 @@ from ros_harness import (
 from simulated_arms import default_dynamics
 from verb_bench import assert_refused
 
-ROOT = Path(__file__).parents[3]
 START = '; a restart begins with no payload'
 COMPLETE = """
 import os
@@ -285,14 +282,6 @@ def test_completion():
                 for words in done.stdout.split('\0')[1:]]
 
     wait_until(lambda: found() == list(OFFERED.values()), 'the words')  # discovery may be slow
-
-
-def test_every_verb_is_an_extension_of_ros2cli():
-    package = ROOT / 'robot_dynamics_tools'
-    setup = (package / 'setup.py').read_text(encoding='utf-8')
-    names, = (node.value for node in ast.parse(setup).body
-              if isinstance(node, ast.Assign) and getattr(node.targets[0], 'id', '') == 'VERBS')
-    assert set(ast.literal_eval(names)) == VERBS.keys() | TOOLS.keys()
 
 
 @pytest.mark.parametrize(('words', 'said'), [
