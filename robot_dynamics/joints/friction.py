@@ -204,7 +204,7 @@ class JointFriction:
         `direction` (n,) in [-1, 1] is that of dry friction, `gear_direction` that of friction of
         gears and drives.
         """
-        effort = self._joint_effort(v, direction)
+        effort = self._at_joint.effort(v, 0.0, direction)
         if not self.has_gear_terms:
             return effort
         return effort + (self._gear_size(load) * gear_direction + self.effort_bias)
@@ -270,12 +270,9 @@ class JointFriction:
 
     @cached_property
     def _at_joint(self) -> 'JointFriction':
+        """The friction without that of gears and drives."""
         return self.replaced(
             sigmoid=self._rest, load_coefficient=self._rest, effort_bias=self._rest)
-
-    def _joint_effort(self, v: FloatArray, sign: FloatArray | None) -> FloatArray:
-        """Return the effort without friction of gears and drives."""
-        return self._at_joint.effort(v, 0.0, sign)
 
     def _gear_size(self, load: FloatArray | float) -> FloatArray:
         return np.asarray(self.sigmoid + self.load_coefficient * np.abs(load))
