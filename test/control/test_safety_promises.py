@@ -411,7 +411,9 @@ def test_the_node_has_the_defaults_of_the_loop():
     options = replace(parameters.options_from(values, LIMITED), parameters={})
     assert repr(options) == repr(loop.controller.options)
     assert parameters.safety_options(values) == supervisor.options
-    assert repr(parameters.effort_limits(values, LIMITED)) == repr(supervisor.limiter.limits)
+    limits = parameters.effort_limits(values, LIMITED)
+    for name in ('lower', 'upper', 'velocity', 'rate', 'effort'):
+        assert np.array_equal(getattr(limits, name), getattr(supervisor.limiter.limits, name))
 
 
 def test_a_fault_action_publishes_every_2_ms():

@@ -108,9 +108,8 @@ def _sustained(waves: _Waves, now: float, x: float) -> float:
         waves.clear()
     found, half = 0.0, HALF_WAVES // 2
     if len(waves) == HALF_WAVES:
-        first = waves[0][0]
         peaks = [abs(one) for _, one in waves]
         if sum(peaks[half:]) >= SUSTAINED * sum(peaks[:half]):
-            found = half / (now - first)
+            found = half / (now - waves[0][0])
     waves.append((now, x))
     return found

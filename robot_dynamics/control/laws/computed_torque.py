@@ -37,7 +37,8 @@ from robot_dynamics.control.options import ControllerOptions
 FRICTION_MODES = ('reference', 'measured', 'none')
 """The velocity at which friction is compensated."""
 CHANGE_FRACTION = 0.3
-"""Fraction of the rate limit of the effort that the feedback may take."""
+"""Fraction of the rate limit of the effort that the feedback may take. Without it 2 of 3 hits of a
+stretched UR5 end in `overspeed` (docs/evidence/control_path.md)."""
 REVERSAL_TIME = 0.12
 """[s] in which the rate limit reverses an effort of the feedback that is not limited."""
 
