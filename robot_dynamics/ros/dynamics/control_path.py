@@ -14,7 +14,6 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import NonFiniteEffortError
 from robot_dynamics.control.feed_forward import DriveCommand
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
-from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
@@ -67,26 +66,6 @@ class ControlPath:
     def loop(self) -> ControlLoop | None:
         """The control loop of the arm that is served, or None."""
         return self.command.loop
-
-    def serve(self, served: Served) -> None:
-        """Serve this from the next joint state on; the goal before ends."""
-        loop = served.loop
-        # with use_sim_time stamps have no age
-        loop.gate.plausibility.has_age = lambda: not self._node.get_clock().ros_time_is_active
-        with self.command.lock:
-            before = self.loop
-            if before is not None:
-                before.goals.end(Ending(Kind.HOLD, 'another model was loaded'))
-                if before.controller.trajectory is not None:
-                    loop.goals.interruption = 'another model was loaded'
-            self.command.serve(served)
-
-    def forget(self) -> None:
-        """Serve no arm."""
-        with self.command.lock:
-            if self.loop is not None:
-                self.loop.goals.end(Ending(Kind.HOLD, 'the model was unloaded'))
-            self.command.forget()
 
     # ------------------------------------------------------------------ states
 

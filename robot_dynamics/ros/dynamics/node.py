@@ -186,7 +186,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the model; keep the payloads."""
-        self._path.forget()
+        self._path.command.forget()
         self._models.forget()
         return TransitionCallbackReturn.SUCCESS
 
@@ -233,7 +233,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             loop = ControlLoop(
                 controller, effort_limits(values, arm), safety_options(values), self._path.loop)
             loop.gate.plausibility.max_age = values['state_max_age']
-            self._path.serve(Served(loop, values, check, external, FeedForward(loop), messages))
+            self._path.command.serve(Served(
+                loop, values, check, external, FeedForward(loop), messages))
         self._payloads.publish()
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         for name, position in arm.locked_joints.items():
