@@ -74,7 +74,6 @@ def run_node(
             expect_no_garbage()
             sys.setswitchinterval(LONGEST_TURN)
             _spin(executor, node, end)
-            _answer(executor, node)
         except (RobotDynamicsError, ParameterException, *MiddlewareError) as error:
             return _refuse_to_start(error)
         finally:
@@ -123,6 +122,7 @@ def _refuse_to_start(error: Exception) -> int:
 
 
 def _spin(executor: SingleThreadedExecutor, node: Node, end: ShutdownRequest) -> None:
+    """Spin until the node is asked to stop, then while clients await the results of actions."""
     while not end.is_made and node.context.ok():
         try:
             executor.spin_once()
@@ -132,10 +132,6 @@ def _spin(executor: SingleThreadedExecutor, node: Node, end: ShutdownRequest) ->
             if node.context.ok():
                 node.get_logger().error(
                     f'A callback failed: {error!r}', throttle_duration_sec=LOG_PERIOD)
-
-
-def _answer(executor: SingleThreadedExecutor, node: Node) -> None:
-    """Spin while clients await the results of actions."""
     until = time.monotonic() + LAST_ANSWERS
     while getattr(node, 'is_busy', False) and time.monotonic() < until:
         executor.spin_once(0.05)

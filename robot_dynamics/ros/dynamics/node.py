@@ -90,15 +90,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     ends the command in order, if it is called before the context is shut down.
     """
 
+    NAME = 'dynamics'
     _is_destroyed = False
-
-    def __init__(self, **node_arguments: object) -> None:
-        """
-        Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
-
-        Raises RobotDynamicsError if the parameters or the URDF are invalid.
-        """
-        super().__init__('dynamics', **node_arguments)
 
     def _set_up(self) -> None:
         self._closers = closers = list[Callable[[], None]]()
@@ -125,16 +118,13 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._loop = JointStateLoop(self, self._path.on_state, self._path.refuse)
         closers.append(self._loop.stop)
         if self._settings.values['autostart']:
-            self._start()
+            self._is_starting = True
+            self.trigger_configure()
+            self._is_starting = False
+            if self._configuring_failed is not None:
+                raise self._configuring_failed
+            self.trigger_activate()
         self.call_when_spun(self._loop.start)
-
-    def _start(self) -> None:
-        self._is_starting = True
-        self.trigger_configure()
-        self._is_starting = False
-        if self._configuring_failed is not None:
-            raise self._configuring_failed
-        self.trigger_activate()
 
     def request_shutdown(self) -> None:
         """Begin to stop the arm and end the command, also during a service; log it."""

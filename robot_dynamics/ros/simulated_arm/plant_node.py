@@ -66,19 +66,8 @@ NOISE_SPECS = (
 class PlantNode(GuardedCallbacks):
     """Connects parameters, topics and services to a plant; computes nothing itself."""
 
-    NAME = ''
-    """Default name of the node."""
     _loop: WallTimeLoop | LockStepLoop | None = None
     _effort_limit: FloatArray | None = None
-
-    def __init__(self, **node_arguments: object) -> None:
-        """
-        Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
-
-        Raises RobotDynamicsError if the parameters or the description are invalid, or without
-        a library that the plant needs.
-        """
-        super().__init__(self.NAME, **node_arguments)
 
     def _begin(
         self, plant: SimulatedRobot, effort_limit: FloatArray | None, values: Values,
