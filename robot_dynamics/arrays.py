@@ -26,11 +26,6 @@ def all_finite(values: FloatArray) -> bool:
     return math.isfinite(sum(values.tolist())) or bool(np.isfinite(values).all())
 
 
-def any_of(mask: BoolArray) -> bool:
-    """Return whether any of a few flags is set, shape (n,); quicker than numpy's `any` for few."""
-    return True in mask.tolist()
-
-
 def column_scale(A: FloatArray) -> FloatArray:
     """Return the factors (k,) with which the columns of A (m, k) have length 1; 0 for a zero."""
     norm = np.linalg.norm(A, axis=0)

@@ -84,20 +84,12 @@ def run_node(
             with ends_in_time():
                 rclpy.try_shutdown()
                 del node, executor
-                _destroy_middleware()
+                # Destroy the objects of the middleware, which announces the end of the process to
+                # others; without it they list its nodes for 20 s more. Reference cycles keep the
+                # objects, also those that `expect_no_garbage` has excluded from collection.
+                gc.unfreeze()
+                gc.collect()
     return 0
-
-
-def _destroy_middleware() -> None:
-    """
-    Destroy the objects of the middleware, which otherwise happens at the end of the interpreter.
-
-    It announces the end of the process to the other processes; without the announcement they
-    list its nodes for 20 s more. Reference cycles keep the objects, also those that
-    `expect_no_garbage` has excluded from garbage collection.
-    """
-    gc.unfreeze()
-    gc.collect()
 
 
 def _when_asked(node: Node) -> Callable[[], None]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import math
 import time
 
-from robot_dynamics.arrays import any_of
 from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.safety.effort_limiter import ActiveLimits
 from robot_dynamics.control.safety.faults import Fault
@@ -32,18 +31,14 @@ class CommandCounters:
 
     def count_limits(self, output: ControlOutput, active: ActiveLimits | None) -> None:
         """Count the limits that have changed the effort of a state."""
-        if output.law.scale < 1.0:
-            self._count_limit('scaled gains')
-        if output.clamped is not None:
-            self._count_limit('effort limit')
+        held = {'scaled gains': output.law.scale < 1.0, 'effort limit': output.clamped is not None}
         if active is not None:
-            for name, joints in zip(('position limit', 'velocity limit', 'effort rate'), active):
-                if any_of(joints):
-                    self._count_limit(name)
-
-    def _count_limit(self, name: str) -> None:
-        self.others[f'held back by {name}'] += 1
-        self.limited_at = time.monotonic()
+            held.update(zip(
+                ('position limit', 'velocity limit', 'effort rate'),
+                (True in joints.tolist() for joints in active)))
+        for name in (name for name, is_active in held.items() if is_active):
+            self.others[f'held back by {name}'] += 1
+            self.limited_at = time.monotonic()
 
     @property
     def figures(self) -> dict[str, int]:

@@ -38,17 +38,16 @@ class ControlPath:
     """Publishes the efforts for each joint state, with the stamp of this state."""
 
     def __init__(
-        self, node: GuardedCallbacks, count_publishers: Callable[[], int],
+        self, node: GuardedCallbacks, has_several_publishers: Callable[[], bool],
         when_changed: Callable[[], object],
     ) -> None:
         """
         Publish on the topics of a node.
 
-        `count_publishers` returns the number of publishers of joint states; `when_changed` is
-        called when a fault begins or ends, and must return soon.
+        `has_several_publishers` returns whether joint_states has several; `when_changed` is called
+        when a fault begins or ends, and must return soon.
         """
-        self._node = node
-        self._has_several_publishers = lambda: count_publishers() > 1
+        self._node, self._has_several_publishers = node, has_several_publishers
         self.when_changed = when_changed
         self.states = StateLog(node, lambda: self.loop)
         publishers = [

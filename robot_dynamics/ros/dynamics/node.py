@@ -99,7 +99,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._configuring_failed: Exception | None = None
         self._is_starting = False
         self._path = ControlPath(
-            self, lambda: self._loop.publisher_count(), publish_diagnostics(self, self._statuses))
+            self, lambda: self._loop.publisher_count() > 1,
+            publish_diagnostics(self, self._statuses))
         closers.append(self._path.command.close)
         self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
         self._payloads = PayloadKeeper(self, lambda: self._settings.values)
