@@ -113,12 +113,6 @@ def check_lost_masses(bodies: Iterable[LinkBody]) -> Iterator[Finding]:
                 'expected one')
 
 
-def unmeasured(bodies: Iterable[LinkBody]) -> list[str]:
-    """Return the links with mass whose geometry could not be read."""
-    return [body.name for body in bodies
-            if body.mass is not None and body.has_geometry and body.corners is None]
-
-
 def _against_geometry(body: LinkBody, corners: FloatArray) -> Iterator[Finding]:
     low, high = corners.min(axis=0), corners.max(axis=0)
     diagonal = float(np.linalg.norm(high - low))

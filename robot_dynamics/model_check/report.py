@@ -12,7 +12,6 @@ from typing import NamedTuple
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.worst_gravity import Search, THOROUGH
-from robot_dynamics.model_check.body_checks import unmeasured
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.model_check.finding import CHECKS, ERROR, errors_of, Finding, WARNING
 from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
@@ -76,7 +75,8 @@ def check_description(
         with suppress(ModelError):  # a negative mass is a finding; check_model raises the others
             arm = arm_from_urdf(xml, joints)
     findings = check_model(xml, arm, search=search, meshes=meshes)
-    unread = unmeasured(read_bodies(xml, meshes))
+    unread = [body.name for body in read_bodies(xml, meshes)
+              if body.mass is not None and body.has_geometry and body.corners is None]
     return CheckedModel(
         findings, unread, meshes is not None, search, () if arm is None else arm.joint_names)
 

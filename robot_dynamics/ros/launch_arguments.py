@@ -101,7 +101,10 @@ def arm_arguments(
     if description is not None:
         overrides |= {'robot_description': description, 'robot_description_file': ''}
     elif file is not None:
-        description = _description_in(file, [full_name(name, namespace) for name in nodes])
+        empty = {'robot_description': '', 'robot_description_file': ''}
+        found = (description_from_parameters(
+            {**empty, **file.parameters(full_name(name, namespace))}) for name in nodes)
+        description = next(filter(None, found), None)  # of the first node that has one
     if description is None and 'simulated_arm' in nodes:
         description = overrides['robot_description'] = default_arm_urdf()
     return ArmArguments(namespace, file, description, values['log_level'], overrides)
@@ -125,13 +128,6 @@ def values_by_arm(values: Mapping[str, str]) -> list[dict[str, str]]:
         for arm, file in zip(by_arm, files if len(files) > 1 else files * len(arms)):
             arm[argument] = file
     return by_arm
-
-
-def _description_in(file: ParameterFile, nodes: list[str]) -> str | None:
-    """Return the description in a parameter file for the first node that has one, else None."""
-    empty = {'robot_description': '', 'robot_description_file': ''}
-    found = (description_from_parameters({**empty, **file.parameters(node)}) for node in nodes)
-    return next(filter(None, found), None)
 
 
 def _value(text: str) -> Any:

@@ -74,7 +74,6 @@ def run_node(
             expect_no_garbage()
             sys.setswitchinterval(LONGEST_TURN)
             _spin(executor, node, end)
-            _answer(executor, node)
         except (RobotDynamicsError, ParameterException, *MiddlewareError) as error:
             return _refuse_to_start(error)
         finally:
@@ -85,20 +84,12 @@ def run_node(
             with ends_in_time():
                 rclpy.try_shutdown()
                 del node, executor
-                _destroy_middleware()
+                # Destroy the objects of the middleware, which announces the end of the process to
+                # others; without it they list its nodes for 20 s more. Reference cycles keep the
+                # objects, also those that `expect_no_garbage` has excluded from collection.
+                gc.unfreeze()
+                gc.collect()
     return 0
-
-
-def _destroy_middleware() -> None:
-    """
-    Destroy the objects of the middleware, which otherwise happens at the end of the interpreter.
-
-    It announces the end of the process to the other processes; without the announcement they
-    list its nodes for 20 s more. Reference cycles keep the objects, also those that
-    `expect_no_garbage` has excluded from garbage collection.
-    """
-    gc.unfreeze()
-    gc.collect()
 
 
 def _when_asked(node: Node) -> Callable[[], None]:
@@ -123,6 +114,7 @@ def _refuse_to_start(error: Exception) -> int:
 
 
 def _spin(executor: SingleThreadedExecutor, node: Node, end: ShutdownRequest) -> None:
+    """Spin until the node is asked to stop, then while clients await the results of actions."""
     while not end.is_made and node.context.ok():
         try:
             executor.spin_once()
@@ -132,10 +124,6 @@ def _spin(executor: SingleThreadedExecutor, node: Node, end: ShutdownRequest) ->
             if node.context.ok():
                 node.get_logger().error(
                     f'A callback failed: {error!r}', throttle_duration_sec=LOG_PERIOD)
-
-
-def _answer(executor: SingleThreadedExecutor, node: Node) -> None:
-    """Spin while clients await the results of actions."""
     until = time.monotonic() + LAST_ANSWERS
     while getattr(node, 'is_busy', False) and time.monotonic() < until:
         executor.spin_once(0.05)

@@ -150,7 +150,10 @@ def robot_element(xml: str) -> ElementTree.Element:
         raise ModelError(
             f'robot_description has {xml.count("<")} tags, expected at most {MOST_TAGS}')
     try:
-        root = _read_xml(xml.strip())
+        text, parser = xml.strip(), ElementTree.XMLParser()
+        for i in range(0, len(text), _CHUNK):  # in parts: the parser blocks all other threads
+            parser.feed(text[i:i + _CHUNK])
+        root: ElementTree.Element = parser.close()
     except (ElementTree.ParseError, ValueError) as error:
         raise ModelError(
             f'robot_description is not well-formed XML ({error}), expected a URDF; '
@@ -162,15 +165,6 @@ def robot_element(xml: str) -> ElementTree.Element:
     if root.tag != 'robot':
         raise ModelError(f'robot_description has the root element <{root.tag}>, expected <robot>')
     _check_expanded(root)
-    return root
-
-
-def _read_xml(text: str) -> ElementTree.Element:
-    """Return the root element; read in parts, because the parser blocks all other threads."""
-    parser = ElementTree.XMLParser()
-    for i in range(0, len(text), _CHUNK):
-        parser.feed(text[i:i + _CHUNK])
-    root: ElementTree.Element = parser.close()
     return root
 
 

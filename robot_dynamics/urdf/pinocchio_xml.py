@@ -59,8 +59,5 @@ def _copy_first(target: ElementTree.Element, source: ElementTree.Element, *tags:
             copy.set('link', element.get('link', ''))
         for attribute in _NUMBERS_OF.get(tag, ()):
             if attribute in element.attrib:
-                copy.set(attribute, _rewritten(element.attrib[attribute]))
-
-
-def _rewritten(numbers: str) -> str:
-    return ' '.join(repr(float(word)) for word in numbers.split())
+                copy.set(attribute, ' '.join(
+                    repr(float(word)) for word in element.attrib[attribute].split()))

@@ -37,14 +37,10 @@ def read_reductions(robot: ElementTree.Element) -> dict[str, tuple[str, ...]]:
             joints = {joint.get('name') or '' for joint in transmission.findall('joint')}
             if len(joints) == 1:
                 name = joints.pop()
-                reductions[name] = reductions.get(name, ()) + _stated(transmission)
+                reductions[name] = reductions.get(name, ()) + tuple(
+                    (element.text or '').strip() for place in _PLACES for tag in _TAGS
+                    for element in transmission.findall(place + tag))
     return reductions
-
-
-def _stated(transmission: ElementTree.Element) -> tuple[str, ...]:
-    return tuple(
-        (element.text or '').strip()
-        for place in _PLACES for tag in _TAGS for element in transmission.findall(place + tag))
 
 
 def gear_ratio(joint: str, reductions: Reductions) -> float | None:

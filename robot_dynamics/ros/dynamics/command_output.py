@@ -21,7 +21,7 @@ from rclpy.qos import qos_policy_name_from_kind, QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws.law_table import NO_COMMAND
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.control.safety.ending import Ending
+from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.ros.dynamics.command_status import command_verdict, CommandCounters
@@ -105,10 +105,17 @@ class CommandOutput:
         return None if self.served is None else self.served.loop
 
     def serve(self, served: Served) -> None:
-        """Publish the efforts of this loop, which continues those of the last one."""
+        """Serve this from the next joint state on; its efforts continue those of the last loop."""
         with self._changed:
-            loop = served.loop
-            if self.served is None and self._latched is not None:
+            loop, before = served.loop, self.loop
+            # with use_sim_time stamps have no age
+            loop.gate.plausibility.has_age = (
+                lambda: not self._node.get_clock().ros_time_is_active)
+            if before is not None:
+                before.goals.end(Ending(Kind.HOLD, 'another model was loaded'))
+                if before.controller.trajectory is not None:
+                    loop.goals.interruption = 'another model was loaded'
+            elif self._latched is not None:
                 loop.supervisor.fault, self._latched = self._latched, None
             if self.is_active and not loop.is_active:
                 loop.activate()
@@ -121,8 +128,10 @@ class CommandOutput:
         """Publish nothing; a latched fault persists for the next loop."""
         with self._changed:
             loop, self.served = self.loop, None
-            if loop is not None and loop.supervisor.is_latched:
-                self._latched = loop.supervisor.fault
+            if loop is not None:
+                loop.goals.end(Ending(Kind.HOLD, 'the model was unloaded'))
+                if loop.supervisor.is_latched:
+                    self._latched = loop.supervisor.fault
 
     def notify(self) -> None:
         """Let the watchdog check the loop at once."""

@@ -14,7 +14,6 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import NonFiniteEffortError
 from robot_dynamics.control.feed_forward import DriveCommand
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
-from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
@@ -39,17 +38,16 @@ class ControlPath:
     """Publishes the efforts for each joint state, with the stamp of this state."""
 
     def __init__(
-        self, node: GuardedCallbacks, count_publishers: Callable[[], int],
+        self, node: GuardedCallbacks, has_several_publishers: Callable[[], bool],
         when_changed: Callable[[], object],
     ) -> None:
         """
         Publish on the topics of a node.
 
-        `count_publishers` returns the number of publishers of joint states; `when_changed` is
-        called when a fault begins or ends, and must return soon.
+        `has_several_publishers` returns whether joint_states has several; `when_changed` is called
+        when a fault begins or ends, and must return soon.
         """
-        self._node = node
-        self._has_several_publishers = lambda: count_publishers() > 1
+        self._node, self._has_several_publishers = node, has_several_publishers
         self.when_changed = when_changed
         self.states = StateLog(node, lambda: self.loop)
         publishers = [
@@ -69,26 +67,6 @@ class ControlPath:
     def loop(self) -> ControlLoop | None:
         """The control loop of the arm that is served, or None."""
         return self.command.loop
-
-    def serve(self, served: Served) -> None:
-        """Serve this from the next joint state on; the goal before ends."""
-        loop = served.loop
-        # with use_sim_time stamps have no age
-        loop.gate.plausibility.has_age = lambda: not self._node.get_clock().ros_time_is_active
-        with self.command.lock:
-            before = self.loop
-            if before is not None:
-                before.goals.end(Ending(Kind.HOLD, 'another model was loaded'))
-                if before.controller.trajectory is not None:
-                    loop.goals.interruption = 'another model was loaded'
-            self.command.serve(served)
-
-    def forget(self) -> None:
-        """Serve no arm."""
-        with self.command.lock:
-            if self.loop is not None:
-                self.loop.goals.end(Ending(Kind.HOLD, 'the model was unloaded'))
-            self.command.forget()
 
     # ------------------------------------------------------------------ states
 

@@ -64,7 +64,13 @@ class _Subscriber:
         if self._future is None and self._client is not None and self._client.service_is_ready():
             self._future = self._client.call_async(GetParameters.Request(names=['joints']))
         if self._future is not None and self._future.done():
-            return self._take(self._future.result().values)
+            values = self._future.result().values
+            self.close()
+            if not values or values[0].type != ParameterType.PARAMETER_STRING_ARRAY or (
+                    not values[0].string_array_value):
+                return 'it has no parameter `joints`'
+            self.joints = list(values[0].string_array_value)
+            return ''
         self.has_service = self._future is not None or self._has_service()
         if time.monotonic() - self._since < (PATIENCE if self.has_service else GRACE):
             return ''
@@ -79,14 +85,6 @@ class _Subscriber:
             services = self._node.get_service_names_and_types_by_node(*self._of)
             return any(name == self._service for name, _ in services)
         return False
-
-    def _take(self, values: Sequence[Any]) -> str:
-        self.close()
-        if not values or values[0].type != ParameterType.PARAMETER_STRING_ARRAY or (
-                not values[0].string_array_value):
-            return 'it has no parameter `joints`'
-        self.joints = list(values[0].string_array_value)
-        return ''
 
     def close(self) -> None:
         """End the request and the check."""

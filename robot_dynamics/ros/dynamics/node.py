@@ -90,15 +90,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     ends the command in order, if it is called before the context is shut down.
     """
 
+    NAME = 'dynamics'
     _is_destroyed = False
-
-    def __init__(self, **node_arguments: object) -> None:
-        """
-        Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
-
-        Raises RobotDynamicsError if the parameters or the URDF are invalid.
-        """
-        super().__init__('dynamics', **node_arguments)
 
     def _set_up(self) -> None:
         self._closers = closers = list[Callable[[], None]]()
@@ -106,7 +99,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._configuring_failed: Exception | None = None
         self._is_starting = False
         self._path = ControlPath(
-            self, lambda: self._loop.publisher_count(), publish_diagnostics(self, self._statuses))
+            self, lambda: self._loop.publisher_count() > 1,
+            publish_diagnostics(self, self._statuses))
         closers.append(self._path.command.close)
         self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
         self._payloads = PayloadKeeper(self, lambda: self._settings.values)
@@ -125,16 +119,13 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._loop = JointStateLoop(self, self._path.on_state, self._path.refuse)
         closers.append(self._loop.stop)
         if self._settings.values['autostart']:
-            self._start()
+            self._is_starting = True
+            self.trigger_configure()
+            self._is_starting = False
+            if self._configuring_failed is not None:
+                raise self._configuring_failed
+            self.trigger_activate()
         self.call_when_spun(self._loop.start)
-
-    def _start(self) -> None:
-        self._is_starting = True
-        self.trigger_configure()
-        self._is_starting = False
-        if self._configuring_failed is not None:
-            raise self._configuring_failed
-        self.trigger_activate()
 
     def request_shutdown(self) -> None:
         """Begin to stop the arm and end the command, also during a service; log it."""
@@ -186,7 +177,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the model; keep the payloads."""
-        self._path.forget()
+        self._path.command.forget()
         self._models.forget()
         return TransitionCallbackReturn.SUCCESS
 
@@ -233,7 +224,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             loop = ControlLoop(
                 controller, effort_limits(values, arm), safety_options(values), self._path.loop)
             loop.gate.plausibility.max_age = values['state_max_age']
-            self._path.serve(Served(loop, values, check, external, FeedForward(loop), messages))
+            self._path.command.serve(Served(
+                loop, values, check, external, FeedForward(loop), messages))
         self._payloads.publish()
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         for name, position in arm.locked_joints.items():

@@ -66,20 +66,13 @@ class AnswerDelivery:
     def send(self, service: Any, message: Any, header: Any) -> None:
         """Send a response now, or let it wait for its reader."""
         response = _Response(service, message, header, time.monotonic() + LONGEST_WAIT)
-        if self._is_of_known_client(response) and self._attempt(response):
+        # The next request of a client that has received a response: rclpy names no client, and a
+        # query of the graph takes longer than most responses, but a client numbers its requests.
+        is_known = request_number(header) in self._expected.get(service.service_name, ())
+        if is_known and self._attempt(response):
             return
         self._waiting.append(response)
         self.send_waiting()
-
-    def _is_of_known_client(self, response: _Response) -> bool:
-        """
-        Return whether the request is the next one of a client that has received a response.
-
-        rclpy does not expose the client of a request, and a query of the graph takes longer
-        than most responses. The requests of a client are numbered consecutively.
-        """
-        return request_number(response.header) in self._expected.get(
-            response.service.service_name, ())
 
     def _attempt(self, response: _Response) -> bool:
         """Send; return whether the response was not discarded."""

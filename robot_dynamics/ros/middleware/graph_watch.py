@@ -3,7 +3,7 @@
 
 """Other nodes that interfere: publishers of the same topics, and nodes of the same full name."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 import math
 import time
 
@@ -60,7 +60,11 @@ class GraphWatch:
             count = self._node.count_publishers(topic)
             self._figures[f'publishers of {key}'] = count
             if count > 1:
-                self._findings.append(f'{topic} has other publishers: {self._others(topic)}')
+                names = sorted(full_name(end.node_name, end.node_namespace)
+                               for end in self._node.get_publishers_info_by_topic(topic))
+                if self._name in names:
+                    names.remove(self._name)
+                self._findings.append(f'{topic} has other publishers: {names}')
         if self._findings != self._reported and now - self._reported_at >= LOG_PERIOD:
             self._reported, self._reported_at = self._findings, now
             if self._findings:
@@ -71,10 +75,3 @@ class GraphWatch:
             else:
                 self._node.get_logger().info(
                     'There is no other publisher or node of this name any more.')
-
-    def _others(self, topic: str) -> Sequence[str]:
-        names = sorted(full_name(end.node_name, end.node_namespace)
-                       for end in self._node.get_publishers_info_by_topic(topic))
-        if self._name in names:
-            names.remove(self._name)
-        return names

@@ -54,10 +54,18 @@ class GuardedCallbacks(Node):
     callback_errors = 0
     """Number of callbacks that failed with an unexpected error."""
 
-    def __init__(self, *args: object, **more: object) -> None:
+    NAME = ''
+    """Default name of the node."""
+
+    def __init__(self, **node_arguments: object) -> None:
+        """
+        Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
+
+        Raises RobotDynamicsError if the parameters or the description of the arm are invalid.
+        """
         self._logged_at: dict[str, float] = {}
         self._answers = ExecutorDelivery(self)
-        super().__init__(*args, **more)
+        super().__init__(self.NAME, **node_arguments)
         atexit.register(self.destroy_node)  # its threads must end before the interpreter
         for service in self.services:  # rclpy creates some without `create_service`
             if replace_callback(service, self._answering):

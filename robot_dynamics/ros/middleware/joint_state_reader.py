@@ -41,15 +41,15 @@ class JointStateReader:
             if all_finite(values):
                 return values[:n], values[n:] if len(values) > n else None
         q = self._values(message, 'position')
-        v = self._velocity(message)
+        v = None  # `joint_state_broadcaster` sends NaN for a missing interface
+        if len(message.velocity) and not np.isnan(self._values(message, 'velocity', None)).any():
+            v = self._values(message, 'velocity')
         if layout is not None:
-            self._learn_places(layout, len(message.velocity) > 0)
+            self.layout, self.places = layout, layout.position.start + self._index
+            if len(message.velocity):
+                self.places = np.concatenate(
+                    (self.places, layout.velocity.start + self._index))
         return q, v
-
-    def _velocity(self, message: JointState | SensedState) -> FloatArray | None:
-        if not len(message.velocity) or np.isnan(self._values(message, 'velocity', None)).any():
-            return None  # `joint_state_broadcaster` sends NaN for a missing interface
-        return self._values(message, 'velocity')
 
     def effort(self, message: JointState | SensedState) -> FloatArray | None:
         """Return the efforts (n,), NaN for those that are not measured; raise as `read` does."""
@@ -90,14 +90,6 @@ class JointStateReader:
         check_unique('name', [name for name in names if name in self._joint_names])
         self._index = np.array([names.index(name) for name in self._joint_names], dtype=np.intp)
         self._known_names = list(names)
-
-    def _learn_places(self, layout: Layout, has_velocity: bool) -> None:
-        """Find the used values in messages of the layout of this message."""
-        self.places = layout.position.start + self._index
-        if has_velocity:
-            self.places = np.concatenate(
-                (self.places, layout.velocity.start + self._index))
-        self.layout = layout
 
     def _values(
         self, message: JointState | SensedState, field: str, largest: float | None = FINITE,

@@ -24,7 +24,6 @@ from robot_dynamics.ros.parameters.declared_parameters import (
 from robot_dynamics.urdf.description_file import read_description_file
 from robot_dynamics.validation import LARGEST_VALUE
 
-FILE = 'robot_description_file'
 MOST_JOINTS = 100
 """Joints of an arm; the model check takes 2 s for this number, and minutes for more."""
 
@@ -169,4 +168,4 @@ def description_from_parameters(values: Values) -> str | None:
         raise InvalidInputError(
             f'robot_description_file is {file!r} and robot_description is given too, '
             'expected one of them')
-    return read_description_file(file, FILE) if file else xml or None
+    return read_description_file(file, 'robot_description_file') if file else xml or None

@@ -66,19 +66,8 @@ NOISE_SPECS = (
 class PlantNode(GuardedCallbacks):
     """Connects parameters, topics and services to a plant; computes nothing itself."""
 
-    NAME = ''
-    """Default name of the node."""
     _loop: WallTimeLoop | LockStepLoop | None = None
     _effort_limit: FloatArray | None = None
-
-    def __init__(self, **node_arguments: object) -> None:
-        """
-        Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
-
-        Raises RobotDynamicsError if the parameters or the description are invalid, or without
-        a library that the plant needs.
-        """
-        super().__init__(self.NAME, **node_arguments)
 
     def _begin(
         self, plant: SimulatedRobot, effort_limit: FloatArray | None, values: Values,
@@ -98,11 +87,13 @@ class PlantNode(GuardedCallbacks):
             self, {'joint_states': topics.topic}, 'Stop any publisher of joints of this arm.'
         ).query)
         self.create_service(Trigger, '~/reset', self._reset)
+        until = 'simulated time waits (lock_step)' if values['lock_step'] else (
+            'the brakes hold the arm' if values['brakes'] else 'the arm falls freely (no brakes)')
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         self.get_logger().info(
             f'Simulating at {values["rate"]:g} Hz on {topics.topic}. Until the first '
             f'{"effort" if plant.drive_loop is None else "drive command"} arrives on '
-            f'{topics.efforts.topic_name}, {_before_efforts(values)}.')
+            f'{topics.efforts.topic_name}, {until}.')
         self.call_when_spun(self._loop.start)
 
     def request_shutdown(self) -> None:
@@ -151,12 +142,6 @@ def check_pause(values: Values) -> None:
         raise InvalidInputError(
             'paused is true, expected false, or lock_step or publish_clock as well: the clock of '
             'the computer cannot be paused')
-
-
-def _before_efforts(values: Values) -> str:
-    if values['lock_step']:
-        return 'simulated time waits (lock_step)'
-    return 'the brakes hold the arm' if values['brakes'] else 'the arm falls freely (no brakes)'
 
 
 def _has_own_time(values: Values) -> bool:

@@ -64,13 +64,7 @@ USAGE = NodeUsage(
 class DynamicsMonitor(GuardedCallbacks):
     """Connects topics and services to the estimators; any executor may spin it."""
 
-    def __init__(self, **node_arguments: object) -> None:
-        """
-        Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
-
-        Raises RobotDynamicsError if the parameters are invalid.
-        """
-        super().__init__(NODE, **node_arguments)
+    NAME = NODE
 
     def _set_up(self) -> None:
         self._lock = threading.Lock()
