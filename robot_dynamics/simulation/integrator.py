@@ -20,11 +20,10 @@ event is found.
 """
 
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.simulation.contact_modes import ContactModeSolver
+from robot_dynamics.simulation.contact_modes import ContactModeSolver, StepResult
 from robot_dynamics.simulation.events import first_event, StepEnd
 from robot_dynamics.simulation.exponential_step import exponential_step
 from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
@@ -54,14 +53,6 @@ _FINEST_SPRING = 2.0**-5
 """The same if springs are integrated: their faster oscillations are exact, slips are late."""
 _MAX_PIECES = 10_000
 """Number of pieces of a step, including rejected ones, after which they are not divided."""
-
-
-class StepResult(NamedTuple):
-    """The state after a step, the heat during it [J], and whether teeth had an impact."""
-
-    state: MotionState
-    heat: float
-    had_impact: bool = False
 
 
 class MotionIntegrator:

@@ -222,6 +222,7 @@ class SimulatedRobot:
         q, v = simulation.motor_state if self.encoders_at_motor else simulation.state
         effort = self._robot.measured(simulation.effort, q, v, simulation.braked)
         exact = (q, self.position_noise), (v, self.velocity_noise), (effort, self.effort_noise)
-        noisy = (x + deviation * self._noise.standard_normal(len(x)) if deviation > 0.0 else x
-                 for x, deviation in exact)
-        return Measured(*noisy, simulation.motor_state)
+        q, v, effort = (
+            x + deviation * self._noise.standard_normal(len(x)) if deviation > 0.0 else x
+            for x, deviation in exact)
+        return Measured(q, v, effort, simulation.motor_state)
