@@ -103,9 +103,7 @@ class ContactModeSolver:
         self, state: MotionState, opened: BoolArray, slides: FloatArray, springs: Springs | None,
     ) -> Modes:
         v = state.v
-        if not self._forces.friction.is_dry:
-            return Modes(slides, self._none)
-        if v.all() or v[self._has_dry_friction].all():
+        if v[self._has_dry_friction].all():
             return Modes(np.where(self._has_dry_friction, np.sign(v), slides), self._none)
         forces = self._forces
         sliding = forces.friction.dry(v)
