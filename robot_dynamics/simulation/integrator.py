@@ -140,23 +140,21 @@ class MotionIntegrator:
             q, v = np.concatenate((q, state.theta[alone])), np.concatenate((v, state.omega[alone]))
             a = None if a is None else np.concatenate((a, spin_up))
         stiffness = self._stiffness(state.q, h, modes)
-        if modes.springs is not None and stiffness > STIFF:
+        if stiffness > STIFF:
             end, correction = self._damped(state, q, v, h, acceleration, modes)
-            if correction <= _CREEP_TOLERANCE or h <= self._shortest:
-                return end
-            first = self._advance(state, 0.5 * h, modes, None)
-            end = self._advance(first.state, 0.5 * h, modes, None)
-            return end._replace(heat=first.heat + end.heat)
-        if modes.is_steep and not self._forces.friction.is_linear and stiffness > STIFF:
-            end, correction = self._damped(state, q, v, h, acceleration, modes)
-            if correction <= _CREEP_TOLERANCE:
+            is_fine = correction <= _CREEP_TOLERANCE
+            if modes.springs is not None:
+                if is_fine or h <= self._shortest:
+                    return end
+                first = self._advance(state, 0.5 * h, modes, None)
+                end = self._advance(first.state, 0.5 * h, modes, None)
+                return end._replace(heat=first.heat + end.heat)
+            if is_fine and modes.is_steep and not self._forces.friction.is_linear:
                 return end
         if modes.is_steep and (
                 stiffness <= _STIFFEST_IN_PIECES and self._pieces < _MAX_PIECES):
             return self._in_pieces(state, q, v, a, h, acceleration, modes)
-        if stiffness > STIFF:
-            end, _ = self._damped(state, q, v, h, acceleration, modes)
-        else:
+        if stiffness <= STIFF:
             end = self._end(state, q, runge_kutta_step(q, v, h, acceleration, a), h, modes)
         if modes.is_steep or not self._modes.is_steep(modes.joints, state.v, end.state.v):
             return end
