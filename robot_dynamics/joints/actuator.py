@@ -162,11 +162,6 @@ def make_actuators(
     unknown = sorted(set(given) - set(names))
     if unknown:
         raise InvalidInputError(f'actuator.{unknown[0]} is unknown, expected one of {names}')
-    for name in ('torque_constant', 'gear_ratio'):
-        if is_empty(given[name]):
-            raise InvalidInputError(
-                f'actuator.{name} is empty, expected one value for all of {list(joint_names)} or '
-                'one value per joint; only actuator.reflected_inertia needs no motor data')
     nothing, unlimited = np.zeros(n), np.full(n, np.inf)
     otherwise = {
         'back_emf_constant': per_joint_values(
@@ -183,6 +178,11 @@ def make_actuators(
                 f'actuator.rotor_inertia of {name!r} is {of_motor:g} and '
                 f'actuator.reflected_inertia is {of_joint:g}, expected one of them, the other '
                 '0 or not set')
+    for name in ('torque_constant', 'gear_ratio'):
+        if is_empty(given[name]):
+            raise InvalidInputError(
+                f'actuator.{name} is empty, expected one value for all of {list(joint_names)} or '
+                'one value per joint; only actuator.reflected_inertia needs no motor data')
     N_squared = np.maximum(np.square(values['gear_ratio']), SMALLEST_DIVISOR**2)
     values['rotor_inertia'] = values['rotor_inertia'] + J / N_squared
     actuators = Actuators(**values)

@@ -20,22 +20,20 @@ from robot_dynamics.joints.friction_terms import smooth_sign
 
 def presliding_state(
     position: FloatArray, velocity: FloatArray, distance: FloatArray,
-    state: FloatArray | None = None,
 ) -> FloatArray:
     """
     Return z along a motion, (m, n), which replaces the sign of Coulomb friction at each sample.
 
     `position` (m, n) [rad] or [m] and `velocity` are in the order of time, `distance` (n,) is d.
-    A joint with d = 0 has the smooth sign of its velocity (`friction.smooth_sign`). `state` (n,)
-    is z at the first sample; None uses the sign of the first velocity, because the motion before
-    it is unknown.
+    A joint with d = 0 has the smooth sign of its velocity (`friction.smooth_sign`). The first z is
+    the sign of the first velocity, because the motion before it is unknown.
     """
     z = smooth_sign(velocity, SMOOTHING_VELOCITY)
     if len(z) == 0:
         return z
     for joint in np.flatnonzero(distance > 0.0):
         step = np.diff(position[:, joint]) / distance[joint]
-        value = float(np.sign(velocity[0, joint]) if state is None else state[joint])
+        value = float(np.sign(velocity[0, joint]))
         values = [value]
         for change in step.tolist():
             value += change

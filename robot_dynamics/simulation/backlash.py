@@ -33,12 +33,8 @@ The natural frequency of a steel gear with its load is 1 to 5 kHz. Shorter bounc
 """
 
 
-class ImpactResult(NamedTuple):
-    """Velocities of joints and motors (n,) after an impact of teeth, and the heat [J]."""
-
-    v: FloatArray
-    omega: FloatArray
-    heat: float
+Impact = tuple[FloatArray, FloatArray, float]
+"""Velocities of joints and motors (n,) after an impact of teeth, and the heat [J]."""
 
 
 class Backlash(NamedTuple):
@@ -82,7 +78,7 @@ class Backlash(NamedTuple):
     def impact(
         self, j: int, M: FloatArray, side: FloatArray, v: FloatArray, omega: FloatArray,
         push: FloatArray,
-    ) -> ImpactResult:
+    ) -> Impact:
         """
         Return the velocities after an impact of the teeth of joint j.
 
@@ -108,15 +104,15 @@ class Backlash(NamedTuple):
         after = v + dv
         turned = np.where(held, after, omega)
         turned[j] = after[j] - e * w
-        return ImpactResult(after, turned, 0.5 * m * w * w * (1.0 - e * e))
+        return after, turned, 0.5 * m * w * w * (1.0 - e * e)
 
     def join(
         self, M: FloatArray, joined: BoolArray, v: FloatArray, omega: FloatArray,
-    ) -> ImpactResult:
+    ) -> Impact:
         """Return the velocities after these motors (n,) have assumed that of their joints."""
         J = self.inertia * joined
         after = np.asarray(
             np.linalg.solve(M + np.diag(J), M @ v + J * omega), dtype=np.float64)
         change = v - after
         heat = 0.5 * float(change @ M @ change + J @ (omega - after)**2)
-        return ImpactResult(after, np.where(joined, after, omega), heat)
+        return after, np.where(joined, after, omega), heat

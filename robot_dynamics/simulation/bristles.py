@@ -30,7 +30,6 @@ velocity: there is no additional state to integrate, and stiff springs have an e
 The spring stores ½ d (F_s z + F_o)² / F_s. Relaxed bristles, z = −F_o / F_s, have no force.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -70,8 +69,7 @@ class Springs(NamedTuple):
         return np.asarray(self.damping * np.exp(-ratio * ratio))
 
 
-@dataclass(frozen=True, eq=False)
-class Bristles:
+class Bristles(NamedTuple):
     """The bristles of n joints: `yields` marks those with a presliding distance, all (n,)."""
 
     yields: BoolArray

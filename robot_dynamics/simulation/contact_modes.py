@@ -23,8 +23,8 @@ _SLOW = 1e-3
 _TRIES_PER_JOINT = 4
 
 
-class ContactResult(NamedTuple):
-    """The state after impacts of teeth, the heat [J], and whether there was an impact."""
+class StepResult(NamedTuple):
+    """The state after a step or impacts, the heat during it [J], and whether teeth had impacts."""
 
     state: MotionState
     heat: float
@@ -103,9 +103,7 @@ class ContactModeSolver:
         self, state: MotionState, opened: BoolArray, slides: FloatArray, springs: Springs | None,
     ) -> Modes:
         v = state.v
-        if not self._forces.friction.is_dry:
-            return Modes(slides, self._none)
-        if v.all() or v[self._has_dry_friction].all():
+        if v[self._has_dry_friction].all():
             return Modes(np.where(self._has_dry_friction, np.sign(v), slides), self._none)
         forces = self._forces
         sliding = forces.friction.dry(v)
@@ -130,7 +128,7 @@ class ContactModeSolver:
         return longest_undisturbed(
             springs, state.z, state.v, M, needed, ~held, forces.bristles.static)
 
-    def impact(self, state: MotionState, a: FloatArray | None, plastic: bool) -> ContactResult:
+    def impact(self, state: MotionState, a: FloatArray | None, plastic: bool) -> StepResult:
         """
         Return the state after the impacts of all approaching teeth in contact.
 
@@ -141,7 +139,7 @@ class ContactModeSolver:
         side = backlash.touching(q, theta)
         closing = side * (omega - v)
         if closing.max() <= 0.0:
-            return ContactResult(state, 0.0, False)
+            return StepResult(state, 0.0, False)
         push = side * (self._forces.tau - backlash.inertia * a) if a is not None else self._nowhere
         M = self._forces.body_with(backlash.exists).mass_matrix(q)
         heat, impacts = 0.0, 0
@@ -154,7 +152,7 @@ class ContactModeSolver:
             heat, impacts = heat + lost, impacts + 1
             closing = side * (omega - v)
         theta = np.where(side != 0.0, q + side * backlash.half_gap, theta)
-        return ContactResult(MotionState(q, v, theta, omega, z), heat, True)
+        return StepResult(MotionState(q, v, theta, omega, z), heat, True)
 
     def is_steep(self, joints: Modes, v: FloatArray, after: FloatArray) -> bool:
         """Return whether friction changes fast with speed between the velocities v and `after`."""

@@ -12,8 +12,6 @@ Its φ functions are blocks of the exponential of one larger matrix (R. B. Sidje
 Mathematical Software 24(1), 1998, theorem 1).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.simulation.runge_kutta import Acceleration
@@ -21,24 +19,14 @@ from robot_dynamics.simulation.runge_kutta import Acceleration
 _PADE_DEGREE = 6
 
 
-class ExponentialStep(NamedTuple):
-    """
-    Position and velocity (n,) after a step.
-
-    `correction` (n,) is the difference of the velocity from that of the method of order 1.
-    """
-
-    position: FloatArray
-    velocity: FloatArray
-    correction: FloatArray
-
-
 def exponential_step(
     q: FloatArray, v: FloatArray, h: float, acceleration: Acceleration,
     M: FloatArray, damping: FloatArray, stiffness: FloatArray, free: BoolArray,
-) -> ExponentialStep:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """
-    Return the motion after h [s].
+    Return position and velocity after h [s], and the correction of the velocity, (n,) each.
+
+    The correction is the difference of the velocity from that of the method of order 1.
 
     `acceleration(q, v)` includes damping and springs, both (n,), 0 without any; `free` (n,) marks
     the moving joints. The velocity of all other joints is and remains 0.
@@ -71,7 +59,7 @@ def exponential_step(
     g = rest(y, q, v)
     first = blocks[:, :2 * n] @ y + blocks[:, 2 * n:3 * n] @ g
     change = blocks[:, 3 * n:] @ (rest(first, *motion(first)) - g) / h
-    return ExponentialStep(*motion(first + change), motion(change)[1])
+    return *motion(first + change), motion(change)[1]
 
 
 def matrix_exponential(A: FloatArray) -> FloatArray:

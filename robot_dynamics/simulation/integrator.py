@@ -20,11 +20,10 @@ event is found.
 """
 
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.simulation.contact_modes import ContactModeSolver
+from robot_dynamics.simulation.contact_modes import ContactModeSolver, StepResult
 from robot_dynamics.simulation.events import first_event, StepEnd
 from robot_dynamics.simulation.exponential_step import exponential_step
 from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
@@ -54,14 +53,6 @@ _FINEST_SPRING = 2.0**-5
 """The same if springs are integrated: their faster oscillations are exact, slips are late."""
 _MAX_PIECES = 10_000
 """Number of pieces of a step, including rejected ones, after which they are not divided."""
-
-
-class StepResult(NamedTuple):
-    """The state after a step, the heat during it [J], and whether teeth had an impact."""
-
-    state: MotionState
-    heat: float
-    had_impact: bool = False
 
 
 class MotionIntegrator:
@@ -149,23 +140,21 @@ class MotionIntegrator:
             q, v = np.concatenate((q, state.theta[alone])), np.concatenate((v, state.omega[alone]))
             a = None if a is None else np.concatenate((a, spin_up))
         stiffness = self._stiffness(state.q, h, modes)
-        if modes.springs is not None and stiffness > STIFF:
+        if stiffness > STIFF:
             end, correction = self._damped(state, q, v, h, acceleration, modes)
-            if correction <= _CREEP_TOLERANCE or h <= self._shortest:
-                return end
-            first = self._advance(state, 0.5 * h, modes, None)
-            end = self._advance(first.state, 0.5 * h, modes, None)
-            return end._replace(heat=first.heat + end.heat)
-        if modes.is_steep and not self._forces.friction.is_linear and stiffness > STIFF:
-            end, correction = self._damped(state, q, v, h, acceleration, modes)
-            if correction <= _CREEP_TOLERANCE:
+            is_fine = correction <= _CREEP_TOLERANCE
+            if modes.springs is not None:
+                if is_fine or h <= self._shortest:
+                    return end
+                first = self._advance(state, 0.5 * h, modes, None)
+                end = self._advance(first.state, 0.5 * h, modes, None)
+                return end._replace(heat=first.heat + end.heat)
+            if is_fine and modes.is_steep and not self._forces.friction.is_linear:
                 return end
         if modes.is_steep and (
                 stiffness <= _STIFFEST_IN_PIECES and self._pieces < _MAX_PIECES):
             return self._in_pieces(state, q, v, a, h, acceleration, modes)
-        if stiffness > STIFF:
-            end, _ = self._damped(state, q, v, h, acceleration, modes)
-        else:
+        if stiffness <= STIFF:
             end = self._end(state, q, runge_kutta_step(q, v, h, acceleration, a), h, modes)
         if modes.is_steep or not self._modes.is_steep(modes.joints, state.v, end.state.v):
             return end

@@ -64,8 +64,11 @@ class TaskSpace:
         """
         n, names = self.arm.joint_count, self.arm.joint_names
         position = check_vector('position', q, n, names, LARGEST_VALUE)
-        return self.unchecked(position, np.zeros(n) if is_empty(v) else check_vector(
-            'velocity', v, n, names, LARGEST_VALUE))
+        velocity = np.zeros(n) if is_empty(v) else check_vector(
+            'velocity', v, n, names, LARGEST_VALUE)
+        limits = self.arm.limits
+        return TaskSpaceState(
+            position.copy(), limits.lower, limits.upper, *self._terms(position, velocity))
 
     def batch(self, q: npt.ArrayLike, v: npt.ArrayLike = ()) -> TaskSpaceState:
         """
@@ -82,11 +85,6 @@ class TaskSpace:
                 f'velocity has {len(velocity)} samples, expected {len(position)} as position '
                 'has, or none')
         return self.unchecked_batch(position, velocity)
-
-    def unchecked(self, q: FloatArray, v: FloatArray) -> TaskSpaceState:
-        """Return the state of `at` for finite float64 arrays (n,), for control loops."""
-        limits = self.arm.limits
-        return TaskSpaceState(q.copy(), limits.lower, limits.upper, *self._terms(q, v))
 
     def unchecked_batch(self, q: FloatArray, v: FloatArray) -> TaskSpaceState:
         """Return the states of `batch` for finite float64 arrays (samples, n)."""

@@ -45,11 +45,11 @@ def fastest_states(rows: Rows, caps: FloatArray) -> FloatArray:
     """
     caps = np.minimum(caps, UNBOUNDED)
     c = np.maximum(rows.c, 0.0)
-    upper = _solved(rows.a, rows.b, c)
-    best = _best_ends(rows, c, caps)
+    upper, ahead = _solved(rows.a, rows.b, c), _solved(rows.b, rows.a, c)
+    best = _best_ends(rows, c, ahead, caps)
     backwards = _Lines(upper.offset[::-1], upper.slope[::-1])
     controllable = _followed(backwards, best[::-1], caps[::-1])[::-1]
-    return _followed(_solved(rows.b, rows.a, c), controllable[:-1], controllable)
+    return _followed(ahead, controllable[:-1], controllable)
 
 
 class _Lines(NamedTuple):
@@ -79,7 +79,9 @@ def _followed(lines: _Lines, tops: FloatArray, caps: FloatArray) -> FloatArray:
     return np.array(z)
 
 
-def _best_ends(rows: Rows, c: FloatArray, caps: FloatArray) -> FloatArray:
+def _best_ends(
+    rows: Rows, c: FloatArray, ahead: _Lines, caps: FloatArray,
+) -> FloatArray:
     """
     Return the y (m,) in the polygon from which x is largest.
 
@@ -87,7 +89,7 @@ def _best_ends(rows: Rows, c: FloatArray, caps: FloatArray) -> FloatArray:
     not negative at 0. Newton's method finds the largest x with room from above.
     """
     a, b = rows.a, rows.b
-    upper = _with_constant(_solved(b, a, c), caps[1:])
+    upper = _with_constant(ahead, caps[1:])
     lower = _with_constant(_solved(-b, a, c), np.zeros(len(a)))  # of -y
     flat = (np.abs(b) <= _LINES * np.abs(a)) & (a > 0.0) & np.isfinite(c)
     x = np.minimum(caps[:-1], np.where(flat, c / np.where(flat, a, 1.0), np.inf).min(axis=1))

@@ -190,15 +190,16 @@ def _fastest(
     duration = 0.0
     exact_at_once = not limits.depend_on_speed()
     if not exact_at_once:
-        free_speed = limits.free_speed(grid)
+        free_speed = velocity_caps(grid, limits.free_velocity(), of_velocity)
         x = _START * np.minimum(x, free_speed)
         rows = constraints(limits, grid, terms, x, _rise(grid, x), margins)
-        x = np.minimum(fastest_states(rows, velocity_caps(limits, grid, of_velocity)), free_speed)
+        x = np.minimum(
+            fastest_states(rows, velocity_caps(grid, limits.velocity, of_velocity)), free_speed)
     rise = _rise(grid, x)
     best: tuple[float, FloatArray, FloatArray] = (np.inf, x, rise)
     for passed in range(_PASSES):
         rows = constraints(limits, grid, terms, x, rise, margins)
-        before, x = x, fastest_states(rows, velocity_caps(limits, grid, of_velocity))
+        before, x = x, fastest_states(rows, velocity_caps(grid, limits.velocity, of_velocity))
         _check_states(limits, trajectory, grid, x)
         T = durations(grid, x, rise)
         load, speed = _excesses(limits, grid, x, T, is_first=passed == 0)
@@ -232,7 +233,7 @@ def _without_short_intervals(
     without_friction = limits._replace(dynamics=limits.dynamics.rigid_body)
     rows = constraints(
         without_friction, grid, terms, np.zeros(m + 1), np.zeros(m), np.zeros((m, n)))
-    x = fastest_states(rows, velocity_caps(limits, grid, np.zeros(m)))
+    x = fastest_states(rows, velocity_caps(grid, limits.velocity, np.zeros(m)))
     _check_states(limits, trajectory, grid, x)
     speed = np.sqrt(x)
     times = np.concatenate(([0.0], np.cumsum(2.0 * grid.length / (speed[:-1] + speed[1:]))))

@@ -127,22 +127,14 @@ class _Samples:
 
     def slowness(self, least: float) -> float:
         """Return the smallest factor, at least `least`, with which no sample exceeds a limit."""
-        high = least
-        while (exceeds := self._ratios(high, self._parts) > _TARGET).any():
-            parts = self._parts
-            while exceeds.any():
-                low, parts = high, [part[exceeds] for part in parts]
-                high = 1.0 + 4.0 * (high - 1.0) + _STEP
-                if high > SLOWEST:
-                    return SLOWEST
-                exceeds = self._ratios(high, parts) > _TARGET
-            while high - low > _EXACT * high:
-                middle = 0.5 * (low + high)
-                exceeds = self._ratios(middle, parts) > _TARGET
-                if exceeds.any():
-                    low, parts = middle, [part[exceeds] for part in parts]
-                else:
-                    high = middle
+        low = high = least
+        while self._exceed(high):
+            low, high = high, 1.0 + 4.0 * (high - 1.0) + _STEP
+            if high > SLOWEST:
+                return SLOWEST
+        while high - low > _EXACT * high:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self._exceed(middle) else (low, middle)
         return high
 
     def _evaluated(self, segment: IntArray, phase: FloatArray) -> list[FloatArray]:
@@ -152,11 +144,10 @@ class _Samples:
         return [motion.velocity, motion.acceleration, gravity,
                 body.inverse_dynamics_batch(*motion) - gravity]
 
-    def _ratios(self, factor: float, parts: list[FloatArray]) -> FloatArray:
-        """Return the largest ratio (m,) of samples to their limits."""
-        v, a, gravity, moving = parts
+    def _exceed(self, factor: float) -> bool:
+        """Return whether any sample exceeds a limit of effort, current or voltage."""
+        v, a, gravity, moving = self._parts
         ratios = self._limits.ratios(
             v / factor, a / factor**2, gravity + moving / factor**2)
-        largest = np.maximum.reduce([ratios[name] for name in ('effort', 'current', 'voltage')
-                                     if name in ratios])
-        return np.asarray(largest.max(axis=1))
+        return any(float(ratios[name].max()) > _TARGET for name in ('effort', 'current', 'voltage')
+                   if name in ratios)

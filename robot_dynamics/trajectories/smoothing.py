@@ -67,7 +67,7 @@ def within_rates(
     grid, x = timing.grid, np.square(timing.speed)
     m, n = grid.sign.shape
     window = _window(limits, rates)
-    caps, rows = velocity_caps(limits, grid, np.zeros(m)), constraints(
+    caps, rows = velocity_caps(grid, limits.velocity, np.zeros(m)), constraints(
         limits, grid, terms, x, np.zeros(m), np.zeros((m, n)))
     for _ in range(_ROUNDS):
         result, first, last = _smoothed(names, timing, window)

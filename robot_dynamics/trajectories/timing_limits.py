@@ -56,8 +56,8 @@ class PathLimits(NamedTuple):
         """The velocity limits (n,) [rad/s] or [m/s]."""
         return self.dynamics.arm.limits.velocity
 
-    def free_speed(self, grid: PathGrid) -> FloatArray:
-        """Return x (m + 1,) at which a joint has the velocity whose bound of the effort is 0."""
+    def free_velocity(self) -> FloatArray:
+        """Return the velocities (n,) at which a bound of the effort is 0."""
         n = self.dynamics.arm.joint_count
         low, high = np.full(n, 1e-6), np.full(n, 1e6)
         for _ in range(40):
@@ -65,10 +65,7 @@ class PathLimits(NamedTuple):
             forward, backward = self.bounds(np.stack((v, -v))).effort
             free = (forward[:, 0] > 0.0).all(axis=0) & (backward[:, 1] < 0.0).all(axis=0)
             low, high = np.where(free, v, low), np.where(free, high, v)
-        with np.errstate(divide='ignore'):
-            x = [np.square(np.min(low / np.abs(end.tangent), axis=1))
-                 for end in (grid.left, grid.right)]
-        return np.asarray(np.minimum(np.append(x[0], np.inf), np.append(np.inf, x[1])))
+        return low
 
     def depend_on_speed(self) -> bool:
         """Return whether the bounds of the effort depend on the speed."""
@@ -151,10 +148,10 @@ def path_terms(dynamics: ArmDynamics, end: PathEnd) -> PathTerms:
         body.inverse_dynamics_batch(end.q, end.tangent, end.curvature) - gravity, gravity)
 
 
-def velocity_caps(limits: PathLimits, grid: PathGrid, margins: FloatArray) -> FloatArray:
-    """Return the largest x (m + 1,) within the velocity limits; margins (m,) are shares of it."""
+def velocity_caps(grid: PathGrid, velocity: FloatArray, margins: FloatArray) -> FloatArray:
+    """Return the largest x (m + 1,) within velocities (n,); margins (m,) are unused shares."""
     with np.errstate(divide='ignore'):
-        by_end = [np.min(limits.velocity / np.abs(end.tangent), axis=1) * (1.0 - margins)
+        by_end = [np.min(velocity / np.abs(end.tangent), axis=1) * (1.0 - margins)
                   for end in (grid.left, grid.right)]
     caps: FloatArray = np.full(len(grid.rests), np.inf)
     caps[:-1] = by_end[0]

@@ -117,14 +117,11 @@ def test_after_a_turn_the_sign_changes_over_twice_the_distance():
     assert z[:, 1] == pytest.approx(np.tanh(v[:, 1] / 0.01), abs=1e-12)
 
 
-def test_pieces_of_a_motion_join_and_the_speed_does_not_matter():
+def test_the_speed_of_a_motion_does_not_matter():
     q, v = turning_motion()
     d = np.array([0.01, 0.03])
     assert presliding_state(*turning_motion(0.1), d) == pytest.approx(
         presliding_state(*turning_motion(10.0), d), abs=1e-9)
-    whole = presliding_state(q, v, d)
-    later = presliding_state(q[1500:], v[1500:], d, state=whole[1500])
-    assert later == pytest.approx(whole[1500:], abs=1e-12)
     assert presliding_state(q[:0], v[:0], d).shape == (0, 2)
 
 

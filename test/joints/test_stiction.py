@@ -74,13 +74,13 @@ def test_an_exponential_step_of_a_linear_arm_is_exact(damping, stiffness):
         a[moving] = inverse @ (force - K * (at - q) - D * rate)[moving]
         return a
 
-    end = exponential_step(q, v, h, acceleration, M, D, K, free)
+    position, velocity, _ = exponential_step(q, v, h, acceleration, M, D, K, free)
     generator = np.zeros((2 * m + 1, 2 * m + 1))  # of (q − q₀, v, 1)
     generator[:m, m:2 * m] = np.eye(m)
     generator[m:2 * m] = inverse @ np.column_stack(
         (-np.diag(K[moving]), -np.diag(D[moving]), force[moving]))
     exact = library('scipy.linalg').expm(h * generator) @ np.concatenate(
         (np.zeros(m), v[moving], [1.0]))
-    assert end.position[moving] - q[moving] == pytest.approx(exact[:m], rel=1e-9, abs=1e-12)
-    assert end.velocity[moving] == pytest.approx(exact[m:2 * m], rel=1e-9, abs=1e-12)
-    assert end.velocity[~free].tolist() == [0.0] * (4 - m)
+    assert position[moving] - q[moving] == pytest.approx(exact[:m], rel=1e-9, abs=1e-12)
+    assert velocity[moving] == pytest.approx(exact[m:2 * m], rel=1e-9, abs=1e-12)
+    assert velocity[~free].tolist() == [0.0] * (4 - m)
