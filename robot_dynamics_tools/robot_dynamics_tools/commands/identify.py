@@ -33,6 +33,7 @@ from robot_dynamics_tools.recordings.bag_files import find_recordings
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.reporting.text_table import quantity_table, text_table
 
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
     parser = command_line.Parser(prog='identify', description=__doc__)

@@ -155,8 +155,9 @@ def identification_page(found: BagIdentification, origin: Origin) -> str:
         shown.measured - shown.model), 'Residual over velocity')
     page.section('Base parameters')
     page.table(parameter_rows(identification), kind='long')
-    page.text('By least squares without regularisation; * marks regrouped parameters. Masses in kg, '
-              'first moments in kg·m, inertias in kg·m², others as in the table of friction.')
+    page.text(
+        'By least squares without regularisation; * marks regrouped parameters. Masses in kg, '
+        'first moments in kg·m, inertias in kg·m², others as in the table of friction.')
     return page.html()
 
 

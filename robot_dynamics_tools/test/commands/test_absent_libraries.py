@@ -12,6 +12,7 @@ import pytest
 from robot_dynamics.dependencies import LIBRARIES
 from robot_dynamics.planar.urdf import default_arm_urdf
 
+
 @pytest.mark.parametrize('name', ['demo', 'status'])
 def test_a_tool_that_needs_ros_names_it_before_its_work(name, tmp_path):
     (site := tmp_path / 'site').mkdir()
