@@ -107,7 +107,7 @@ def test_gravity_of_the_imu_is_that_of_the_monitor_too(client):
             NodeProcess(MONITOR, namespace='/tilted')):
         robot = HeldRobot(client, '/tilted', True, position=START, effort=effort.tolist())
         imu = client.publisher(Imu, '/tilted/base_imu', 1, subscribers=2)
-        external(  # a subscriber drops best-effort messages of a publisher that it does not know yet
+        external(  # a subscriber may not know this publisher yet, and drop its message
             client, robot, [0.0, 0.0], node='/tilted/dynamics_monitor',
             meanwhile=lambda: imu.publish(message))
 
