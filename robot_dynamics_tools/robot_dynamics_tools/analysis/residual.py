@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.exceptions import InvalidInputError
 
 _ROUNDING = 1e-12
 """Fraction of the mean square; a signal with a smaller variance is a constant."""
@@ -47,17 +46,7 @@ class ResidualStatistics:
 def residual_statistics(
     measured: FloatArray, model: FloatArray, joint_names: tuple[str, ...],
 ) -> ResidualStatistics:
-    """
-    Return the statistics of the residual, measured − model, both (m, n) [N·m] or [N].
-
-    Raises InvalidInputError if the shapes differ, or if there is no sample.
-    """
-    if measured.shape != model.shape or measured.shape[1:] != (len(joint_names),) or (
-            len(measured) == 0):
-        raise InvalidInputError(
-            f'measured and model effort have the shapes {measured.shape} and {model.shape}, '
-            f'expected both (m, {len(joint_names)}) with m > 0, one column for each of '
-            f'{list(joint_names)}')
+    """Return the statistics of the residual, measured − model, both (m, n), m > 0."""
     residual = measured - model
     return ResidualStatistics(
         tuple(joint_names), len(measured), _rms(measured), np.asarray(measured.mean(axis=0)),
@@ -66,15 +55,7 @@ def residual_statistics(
 
 
 def merged_statistics(parts: Sequence[ResidualStatistics]) -> ResidualStatistics:
-    """
-    Return the combined statistics of several parts.
-
-    Raises InvalidInputError without a part, or if their joints differ.
-    """
-    names = [part.joint_names for part in parts]
-    if not parts or any(joint_names != names[0] for joint_names in names):
-        raise InvalidInputError(
-            f'residuals to merge are of the joints {names}, expected the same in all')
+    """Return the combined statistics of several parts of the same joints."""
     counts = np.array([part.sample_count for part in parts], dtype=np.float64)
     weights = counts / counts.sum()
 
@@ -85,8 +66,8 @@ def merged_statistics(parts: Sequence[ResidualStatistics]) -> ResidualStatistics
         return np.asarray(np.sqrt(weights @ np.array([getattr(part, field)**2 for part in parts])))
 
     return ResidualStatistics(
-        names[0], int(counts.sum()), root('rms_measured'), mean('mean_measured'), root('rms'),
-        mean('mean'), np.asarray(np.array([part.largest for part in parts]).max(axis=0)))
+        parts[0].joint_names, int(counts.sum()), root('rms_measured'), mean('mean_measured'),
+        root('rms'), mean('mean'), np.max([part.largest for part in parts], axis=0))
 
 
 def _rms(values: FloatArray) -> FloatArray:

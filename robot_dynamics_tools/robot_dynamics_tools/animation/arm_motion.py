@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback, make_gains
+from robot_dynamics.dependencies import optional
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
@@ -141,7 +142,7 @@ def motion_of(
     The measured effort minus the model is the term `residual`. Work and heat are integrals by the
     trapezoidal rule.
     """
-    dynamics = ArmDynamics(arm)
+    dynamics, integrate = ArmDynamics(arm), optional('scipy.integrate', 'an animation')
     rows = [dynamics.terms(*state) for state in zip(q, v, a)]
     terms = {name: np.array([getattr(row, name) for row in rows])
              for name in ('inertial', 'coriolis', 'gravity', 'friction', 'effort')}
@@ -151,8 +152,9 @@ def motion_of(
     potential = np.array([row.potential_energy for row in rows])
     return ArmMotion(
         arm, times, q, v, a, terms, np.array([row.kinetic_energy for row in rows]),
-        potential - potential.min(), _integral(terms['effort'] * v, times),
-        _integral(terms['friction'] * v, times), driven)
+        potential - potential.min(), *(
+            integrate.cumulative_trapezoid((terms[name] * v).sum(axis=1), times, initial=0.0)
+            for name in ('effort', 'friction')), driven)
 
 
 def lowest_position(arm: ArmModel) -> FloatArray:
@@ -175,10 +177,3 @@ def lowest_position(arm: ArmModel) -> FloatArray:
         if np.abs(np.sin(0.5 * (q - before))).max() < 1e-12:
             break
     return q
-
-
-def _integral(rate: FloatArray, times: FloatArray) -> FloatArray:
-    """Return the integral over time of the sum of rates (m, n), since the first instant."""
-    power = rate.sum(axis=1)
-    steps = 0.5 * (power[1:] + power[:-1]) * np.diff(times)
-    return np.concatenate([[0.0], np.cumsum(steps)])

@@ -32,8 +32,8 @@ _LABELS = (1.2, 1.9)
 """Range [rad] from above for the label of an arc: forces point up, weights down."""
 _TINY = 0.03
 """Length below which an arrow is omitted, as a fraction of the reach."""
-_HEAD, _HEAD_SHARE = 0.085, 0.4
-"""Length of the largest head as a share of the reach, and of any head as a share of its arrow."""
+_LONG, _HEAD, _SHAFT = 0.2, 20.0, 2.4
+"""Length from which an arrow has its full width, as a fraction of the reach; widths [point]."""
 _KEY_ROW = 1.27
 """Height of the keys above the joint of the base, as a share of the reach: above the axes."""
 
@@ -179,24 +179,17 @@ class ChainStage:
         if length < _TINY * self._reach:
             return
         self._label(at + (1.0 + 0.07 * self._reach / length) * way, label, colour)
-        head = min(_HEAD * self._reach, _HEAD_SHARE * length) / length
-        across = 0.5 * head * np.array([-way[1], way[0]])
-        self._stroke(
-            np.array([at, at + (1.0 - 0.8 * head) * way]), colour, pale, head * length)
-        self._head(at + np.array([way, (1.0 - head) * way + across,
-                                  (1.0 - head) * way - across]), colour, pale)
+        self._along(np.array([at, at + way]), length, colour, pale)
 
-    def _stroke(self, points: FloatArray, colour: str, pale: bool, head: float) -> None:
-        """Draw the shaft of an arrow, thinner if the head is small [m]."""
-        width = 2.4 * np.clip(head / (_HEAD * self._reach), 0.4, 1.0)
-        self._drawn += self._axes.plot(
-            points[:, 0], points[:, 1], color=colour, linewidth=width, zorder=8,
-            alpha=0.45 if pale else 1.0, solid_capstyle='butt', clip_on=False)
-
-    def _head(self, corners: FloatArray, colour: str, pale: bool) -> None:
-        self._drawn += self._axes.fill(
-            corners[:, 0], corners[:, 1], color=colour, zorder=8, alpha=0.45 if pale else 1.0,
-            linewidth=0.0, clip_on=False)
+    def _along(self, points: FloatArray, length: float, colour: str, pale: bool) -> None:
+        """Draw an arrow of a length [m] along points (k, 2)."""
+        from matplotlib.patches import FancyArrowPatch
+        from matplotlib.path import Path
+        width = np.clip(length / (_LONG * self._reach), 0.3, 1.0)
+        self._drawn.append(self._axes.add_patch(FancyArrowPatch(
+            path=Path(points), arrowstyle='-|>', mutation_scale=_HEAD * width,
+            linewidth=_SHAFT * width, color=colour, alpha=0.45 if pale else 1.0, zorder=8,
+            joinstyle='miter', capstyle='butt', clip_on=False)))
 
     def _label(self, at: FloatArray, label: str, colour: str) -> None:
         if label:
@@ -215,12 +208,5 @@ class ChainStage:
         self._label(middle + (radius + 0.08 * self._reach) * np.array(
             [np.sin(beside), np.cos(beside)]), label, colour)
         phi = np.linspace(0.0, angle, 40)
-        points = middle + radius * np.column_stack([np.sin(phi), np.cos(phi)])
-        # The head: a triangle at the end, along the arc.
-        along = np.sign(angle) * np.array([np.cos(angle), -np.sin(angle)])
-        across = np.array([np.sin(angle), np.cos(angle)])
-        size = min(0.4 * radius, 0.06 * self._reach, _HEAD_SHARE * radius * abs(angle))
-        self._stroke(points, colour, pale, 1.4 * size)
-        self._head(
-            points[-1] + size * np.array([1.1 * along, 0.6 * across, -0.6 * across]), colour,
-            pale)
+        self._along(middle + radius * np.column_stack([np.sin(phi), np.cos(phi)]),
+                    radius * min(1.0, 0.5 * abs(angle)), colour, pale)

@@ -13,6 +13,8 @@ also make the library a requirement where ffmpeg is installed already.
 """
 
 from collections.abc import Iterable
+from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 import shutil
 import subprocess
@@ -65,27 +67,26 @@ def write_video(path: Path, frames: Iterable[Frame]) -> int:
     Raises as `check_format`, InvalidInputError without a frame, and OSError.
     """
     check_format(path)
-    write = _write_gif if path.suffix.lower() == '.gif' else _write_mp4
-    count = write(path, frames)
-    if not count:
+    others = iter(frames)
+    first = next(others, None)
+    if first is None:
         raise InvalidInputError('the moving picture has 0 frames, expected at least 1')
-    return count
+    write = _write_gif if path.suffix.lower() == '.gif' else _write_mp4
+    return write(path, first, others)
 
 
-def _write_gif(path: Path, frames: Iterable[Frame]) -> int:
+def _write_gif(path: Path, first: Frame, others: Iterable[Frame]) -> int:
     image = optional('PIL.Image', 'a GIF')
-    kept = list(frames)
-    if not kept:
-        return 0
+    kept = [first, *others]
     some = np.concatenate(
         [frame.pixels for frame in kept[::max(1, len(kept) // _LOOKED_AT)]], axis=1)
     palette = image.fromarray(some).quantize(
         _COLOURS, method=image.Quantize.MAXCOVERAGE, dither=image.Dither.NONE)
-    first, *others = (
+    begin, *rest = (
         image.fromarray(frame.pixels).quantize(palette=palette, dither=image.Dither.NONE)
         for frame in kept)
-    first.save(
-        path, format='GIF', save_all=True, append_images=others, loop=0, optimize=False,
+    begin.save(
+        path, format='GIF', save_all=True, append_images=rest, loop=0, optimize=False,
         palette=bytes(palette.getpalette()),  # the same for all frames
         duration=_milliseconds([frame.seconds for frame in kept]))
     return len(kept)
@@ -97,42 +98,30 @@ def _milliseconds(seconds: list[float]) -> list[int]:
     return [10 * int(step) for step in np.diff(ends, prepend=0)]
 
 
-def _write_mp4(path: Path, frames: Iterable[Frame]) -> int:
+def _write_mp4(path: Path, first: Frame, others: Iterable[Frame]) -> int:
     """Pass each frame to ffmpeg as often as its duration at MP4_RATE requires."""
-    process, count, shown, due = None, 0, 0, 0.0
+    count, shown, due = 0, 0, 0.0
+    # The pixel format that every player supports needs even sizes.
+    height, width = (size // 2 * 2 for size in first.pixels.shape[:2])
+    command = [
+        _ffmpeg(), '-y', '-loglevel', 'error', '-f', 'rawvideo', '-pixel_format', 'rgb24',
+        '-video_size', f'{width}x{height}', '-framerate', str(MP4_RATE), '-i', '-',
+        '-pix_fmt', 'yuv420p', '-movflags', '+faststart', str(path.absolute())]
     with tempfile.TemporaryFile() as said:
-        try:
-            for frame in frames:
+        with suppress(BrokenPipeError), subprocess.Popen(  # ffmpeg has written the reason
+                command, stdin=subprocess.PIPE, stdout=said, stderr=said) as process:
+            assert process.stdin is not None
+            for frame in chain([first], others):
                 count += 1
-                # The pixel format that every player supports needs even sizes.
-                pixels = frame.pixels[:frame.pixels.shape[0] // 2 * 2,
-                                      :frame.pixels.shape[1] // 2 * 2]
-                if process is None:
-                    process = subprocess.Popen(
-                        _command(path, pixels), stdin=subprocess.PIPE, stdout=said, stderr=said)
-                assert process.stdin is not None
                 due += frame.seconds * MP4_RATE
                 while shown < max(round(due), 1):
-                    process.stdin.write(pixels.tobytes())
+                    process.stdin.write(frame.pixels[:height, :width].tobytes())
                     shown += 1
-        except BrokenPipeError:
-            pass  # ffmpeg has written the reason
-        finally:
-            if process is not None:
-                process.communicate()
-        if process is not None and process.returncode:
+        if process.returncode:
             said.seek(0)
             reason = said.read().decode(errors='replace').strip().splitlines()
             raise OSError(f'ffmpeg failed: {reason[-1] if reason else process.returncode}')
     return count
-
-
-def _command(path: Path, pixels: Pixels) -> list[str]:
-    height, width = pixels.shape[:2]
-    return [
-        _ffmpeg(), '-y', '-loglevel', 'error', '-f', 'rawvideo', '-pixel_format', 'rgb24',
-        '-video_size', f'{width}x{height}', '-framerate', str(MP4_RATE), '-i', '-',
-        '-pix_fmt', 'yuv420p', '-movflags', '+faststart', str(path.absolute())]
 
 
 def _ffmpeg() -> str:

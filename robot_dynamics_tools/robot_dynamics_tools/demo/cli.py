@@ -186,12 +186,6 @@ def _make_directory(wanted: Path | None) -> Path:
             return wanted
     parent = wanted or Path('out')
     parent.mkdir(exist_ok=True)
-    name = f'demo-{datetime.now():%Y%m%d-%H%M%S}'
-    for number in range(1, 100):
-        directory = parent / (name if number == 1 else f'{name}-{number}')
-        try:
-            directory.mkdir()
-        except FileExistsError:
-            continue
-        return directory
-    raise OSError(0, 'a hundred demos in one second', str(parent / name))
+    directory = parent / f'demo-{datetime.now():%Y%m%d-%H%M%S-%f}'
+    directory.mkdir()
+    return directory

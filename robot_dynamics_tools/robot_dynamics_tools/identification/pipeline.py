@@ -19,7 +19,6 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.base_parameters import BaseParameters, find_base_parameters
-from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.regressor import (
     inertial_parameters,
     parameter_names,
@@ -129,23 +128,18 @@ def fit_model(
 
 def identify(
     arm: ArmModel, motions: Sequence[FilteredMotion], train_fraction: float = TRAIN_FRACTION,
-    effort_is_current: bool | None = False, payloads: Sequence[Sequence[Payload]] = (),
 ) -> Identification:
     """
     Return the identification of an arm from motions of its joints, in its order.
 
     The first fraction of the samples of each motion is used for training, the rest for the test.
-    `payloads` are those of each motion, empty for those of the arm.
     Raises RecordingError if a motion has no effort, InvalidInputError if it has too few samples,
     and the errors of `identify_recordings`. Needs scipy.
     """
-    arms = [arm.with_payloads(each) for each in payloads] or [arm] * len(motions)
-    recorded = [steps.prepared_motion(loaded, motion, train_fraction)
-                for loaded, motion in zip(arms, motions)]
+    recorded = [steps.prepared_motion(arm, motion, train_fraction) for motion in motions]
     return identify_recordings(Recordings(
         lambda _: arm, lambda step: [steps.reduce_recording(each, step) for each in recorded],
-        lambda step: [steps.evaluate_recording(each, step) for each in recorded]),
-        effort_is_current)
+        lambda step: [steps.evaluate_recording(each, step) for each in recorded]), False)
 
 
 def identify_recordings(

@@ -81,12 +81,7 @@ class PayloadSamples:
 
     def drain(self) -> list[MeasuredState]:
         """Return the waiting states, oldest first, and remove them."""
-        samples = []
-        while True:
-            try:
-                samples.append(self._waiting.popleft())
-            except IndexError:
-                return samples
+        return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
 
 class _Run:

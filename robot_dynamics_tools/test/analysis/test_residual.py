@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms
 from robot_dynamics_tools.analysis.residual import merged_statistics, residual_statistics
@@ -65,16 +64,3 @@ def test_parts_merge_to_the_whole(sizes, seed):
         for field in FIELDS:
             np.testing.assert_allclose(
                 getattr(merged, field), getattr(whole, field), rtol=1e-9, atol=1e-9)
-
-
-def test_mismatched_inputs_are_rejected():
-    values = np.zeros((3, 2))
-    with pytest.raises(InvalidInputError, match=r'\(3, 2\) and \(2, 2\)'):
-        residual_statistics(values, values[:2], ('a', 'b'))
-    with pytest.raises(InvalidInputError, match='m > 0'):
-        residual_statistics(values[:0], values[:0], ('a', 'b'))
-    one = residual_statistics(values, values, ('a', 'b'))
-    other = residual_statistics(values, values, ('a', 'c'))
-    for parts in ([], [one, other]):
-        with pytest.raises(InvalidInputError, match='the same in all'):
-            merged_statistics(parts)
