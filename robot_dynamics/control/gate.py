@@ -56,9 +56,11 @@ LEAST_SPAN_NS = SPAN_NS // 4
 FAR, MISSED = 0.5, 2
 """Share of the velocity limit, which is at most LARGEST_SPEED, and samples."""
 FLOOR, RATIO = 0.003, 0.3
-"""[rad] or [m], and share of the displacement, that integral and displacement may differ."""
+"""[rad] or [m], and share of the displacement, that integral and displacement may differ: encoders
+of 2000 steps per turn, and an error of the scale."""
 MEMORY, AGREEMENT = 0.1, 1.0
-"""[s]"""
+"""[s] over which integral and displacement are compared, and of motion in which they agree until a
+velocity is used again."""
 MOVING = 0.1
 """[rad/s] or [m/s] from which a joint does not stop in one sample."""
 LEFT = 0.03

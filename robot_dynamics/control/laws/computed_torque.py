@@ -79,21 +79,14 @@ class FollowingLaw(ControlLaw):
         if u is not None:
             effort = effort + u
         if not dynamics.is_frictionless and self._friction_mode != 'none':
-            friction = self._friction(state, tracking, effort)
+            if self._friction_mode == 'measured':
+                friction = dynamics.friction.effort(state.v, effort)
+            else:  # a stop from a measured velocity is not helped along: friction brakes the arm
+                v = self._none if trajectory.is_from_measurement else tracking.velocity
+                friction = dynamics.friction.tracking_effort(
+                    v, tracking.error, self.ratio, effort)
             effort = effort + friction
         return LawOutput(effort, friction, tracking, scale=scale)
-
-    def _friction(self, state: LawInput, tracking: Tracking, load: FloatArray) -> FloatArray:
-        """
-        Return the effort (n,) against friction; `load` (n,) is the effort without it.
-
-        A stop from a measured velocity is not helped along: friction brakes the arm.
-        """
-        if self._friction_mode == 'measured':
-            return state.dynamics.friction.effort(state.v, load)
-        is_stop = state.trajectory is not None and state.trajectory.is_from_measurement
-        return state.dynamics.friction.tracking_effort(
-            self._none if is_stop else tracking.velocity, tracking.error, self.ratio, load)
 
     def shares(
         self, position: FloatArray, velocity: FloatArray, change: FloatArray, returns: FloatArray,

@@ -68,7 +68,8 @@ LARGEST_SHARE, FRICTION_SHARE = 0.7, 0.6
 FEEDBACK_GAIN = 0.3
 """Share of the effort of a follower that a person feels."""
 USUAL_SPEED, USUAL_TURN = 0.25, 1.0
-"""Largest default speed limit of prismatic joints [m/s], and of others [rad/s]."""
+"""Largest default speed limit of prismatic joints [m/s], the reduced speed of ISO 10218-1, and of
+others [rad/s]."""
 ROTOR = 200.0
 """Effort limit by the usual rotor [rad/s²] or [m/s²]: 145 at a Panda, 330 at a UR10."""
 DEVIATIONS = 2.0
@@ -80,7 +81,7 @@ CAPACITY = 0.03
 STOPPING = 0.6
 """[s]: with the time in which the tank empties, a released arm stands within 1 s."""
 FULL_SPEED = 0.05
-"""v_d [rad/s] or [m/s]."""
+"""v_d [rad/s] or [m/s], above which the compensation is complete."""
 MASS_ERROR, LEAST_SHARE = 0.07, LARGEST_SHARE * FRICTION_SHARE
 """Of gravity, in an unknown mass; and of known friction, from which α of the least true one."""
 PLAY, FAR = LEFT, LEFT + 0.01

@@ -48,7 +48,7 @@ class EffortLimits:
         self.rate: FloatArray = np.array(np.broadcast_to(rate, lower.shape))
         self.least_rate = float(self.rate.min(initial=math.inf))
         self.soft_lower, self.soft_upper = lower + POSITION_MARGIN, upper - POSITION_MARGIN
-        """Where the margins before the position limits end, (n,)."""
+        """Ends of the margins before the position limits, (n,)."""
         self.clear = Range(np.concatenate((self.soft_lower, -velocity)),
                            np.concatenate((self.soft_upper, velocity)))
         """Positions and velocities (2 n,) at which no limit acts."""
