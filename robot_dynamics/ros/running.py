@@ -17,13 +17,12 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error
 from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import RclError, UnknownArgumentsError
 from robot_dynamics.ros.middleware.shutdown import ends_in_time, ShutdownRequest
-from robot_dynamics.ros.parameters.node_arguments import NodeUsage
+from robot_dynamics.ros.parameters.node_arguments import NodeUsage, outside_of_ros_args
 from robot_dynamics.ros.parameters.parameter_file import log_ignored_sections
 
 LONGEST_TURN = 0.0001
@@ -51,15 +50,15 @@ def run_node(
     even while a callback runs.
     """
     arguments = sys.argv if args is None else args
+    others = outside_of_ros_args(arguments[1:])
+    if {'-h', '--help'} & set(others):
+        print(usage.help(), end='')
+        return 0
+    if others:
+        print(usage.refusal(others), file=sys.stderr)
+        return 2
     with ShutdownRequest() as end:
         try:
-            others = remove_ros_args(arguments)[1:]
-            if {'-h', '--help'} & set(others):
-                print(usage.help(), end='')
-                return 0
-            if others:
-                print(usage.refusal(others), file=sys.stderr)
-                return 2
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         except MiddlewareError as error:  # for example an invalid parameter file
             return _refuse_to_start(error)

@@ -58,6 +58,24 @@ class NodeUsage(NamedTuple):
                 f'`--ros-args -p NAME:=VALUE` (`{self.program} --help` lists the main ones)')
 
 
+def outside_of_ros_args(arguments: Sequence[str]) -> list[str]:
+    """
+    Return the arguments that are not between `--ros-args` and `--` or the end.
+
+    They include `NAME:=VALUE`, which `rclpy.utilities.remove_ros_args` takes for a renamed topic:
+    the user means a parameter.
+    """
+    others, is_of_ros = [], False
+    for argument in arguments:
+        if argument == '--ros-args':
+            is_of_ros = True
+        elif is_of_ros:
+            is_of_ros = argument != '--'
+        else:
+            others.append(argument)
+    return others
+
+
 def _entries(entries: Sequence[tuple[str, str]]) -> list[str]:
     lines = []
     for name, text in entries:
