@@ -14,7 +14,7 @@ from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.actuator import make_actuators
+from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.joints.effort_calibration import make_effort_calibration
 from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_friction
 from robot_dynamics.model.arm import load_arm
@@ -123,7 +123,7 @@ PER_JOINT: dict[str, Callable[[Any], Any]] = {
     **{f'actuator.{name}': lambda x, name=name: fields_of(  # type: ignore[misc]
         make_actuators(_BARE.joint_names, **{'torque_constant': 0.1, 'gear_ratio': 50.0,
                                              'resistance': 1.0, 'rotor_inertia': 1.0, name: x}))
-       for name in list(inspect.signature(make_actuators).parameters)[1:-1]},
+       for name in (field.name for field in fields(Actuators))},
     'with_reflected_inertia': lambda x: _BARE.with_reflected_inertia(x).reflected_inertia.tolist(),
     'effort.offset': lambda x: fields_of(make_effort_calibration(_BARE.joint_names, 2.0, x)),
     'uncertainty.noise_deviation': lambda x: fields_of(make_uncertainty(

@@ -196,8 +196,9 @@ def test_the_state_is_that_of_the_identification():
         q.append(simulation.q.copy())
         v.append(simulation.v.copy())
         z.append(simulation.presliding_state)
-    expected = presliding_state(np.array(q), np.array(v), d, state=z[0])
-    difference = np.abs(np.array(z) - expected)
+    expected = presliding_state(np.array(q), np.array(v), d)
+    # the state before the motion, which the identification does not know, ends with the first slip
+    difference = np.abs(np.array(z) - expected)[300:]
     assert np.abs(z).max(axis=0) == pytest.approx([1.0, 1.0])
     assert (np.abs(z) < 0.9).mean() > 0.02
     assert difference.max() < 0.01
