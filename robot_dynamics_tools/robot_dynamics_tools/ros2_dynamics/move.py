@@ -269,7 +269,8 @@ def answer_pose(client: DynamicsClient, arguments: Namespace) -> Answer:
     message.header.frame_id = arguments.frame_id or client.base_link()
     place, turn = message.pose.position, message.pose.orientation
     place.x, place.y, place.z = arguments.translation
-    turn.x, turn.y, turn.z, turn.w = _quaternion(arguments.rpy) if arguments.rpy else [0.0] * 4
+    turn.x, turn.y, turn.z, turn.w = [0.0] * 4 if not arguments.rpy else pin.Quaternion(
+        pin.rpy.rpyToMatrix(*arguments.rpy)).coeffs().tolist()
     watch = MotionWatch(client, names, [kinds.get(name) == 'continuous' for name in names])
     with watch.following(), publication(client, PoseStamped, '~/pose_reference') as publish:
         watch.wait_ready()
@@ -279,11 +280,6 @@ def answer_pose(client: DynamicsClient, arguments: Namespace) -> Answer:
             return Answer(data, f'{client.name} moves to the pose')
         watch.wait_end(goal, lambda _: None)
         return _reached(watch, data, 'the pose', kinds)
-
-
-def _quaternion(rpy: Sequence[float]) -> list[float]:
-    """Return x y z w of R = R_z(yaw) R_y(pitch) R_x(roll), with angles [rad] as in a URDF."""
-    return list(pin.Quaternion(pin.rpy.rpyToMatrix(*rpy)).coeffs().tolist())
 
 
 def _reached(
