@@ -150,11 +150,12 @@ def motion_of(
         terms['residual'] = effort - terms['effort']
         terms['effort'] = effort
     potential = np.array([row.potential_energy for row in rows])
+    work, heat = (
+        integrate.cumulative_trapezoid((terms[name] * v).sum(axis=1), times, initial=0.0)
+        for name in ('effort', 'friction'))
     return ArmMotion(
         arm, times, q, v, a, terms, np.array([row.kinetic_energy for row in rows]),
-        potential - potential.min(), *(
-            integrate.cumulative_trapezoid((terms[name] * v).sum(axis=1), times, initial=0.0)
-            for name in ('effort', 'friction')), driven)
+        potential - potential.min(), work, heat, driven)
 
 
 def lowest_position(arm: ArmModel) -> FloatArray:

@@ -192,7 +192,7 @@ class RecordedJointStates:
         periods = np.diff(kept)
         period = int(np.median(periods)) if len(periods) else 0
         faults = SampleFaults(
-            message_count=count, period_ns=period, gaps=gaps_between(kept, periods, period),
+            period_ns=period, gaps=gaps_between(kept, periods, period),
             duplicated_ns=stamps[places[repeated]],
             backward_ns=stamps[places[~advancing & ~repeated]],
             other_joints=count - len(stamps) - self.unreadable,

@@ -107,14 +107,19 @@ class MotionWatch:
 
     # ------------------------------------------------------------------ waits
 
-    def wait_ready(self) -> None:
-        """Wait for the measured positions and for diagnostics; raise NoAnswerError."""
+    def wait_measured(self) -> None:
+        """Wait for the measured positions; raise NoAnswerError."""
         client = self._client
         if not client.wait(lambda: len(self.position) == len(self._names)):
             missing = ', '.join(name for name in self._names if name not in self.position)
             raise NoAnswerError(
                 f'no joint states of {missing} on {client.joint_state_topic()} in '
                 f'{client.timeout:g} s')
+
+    def wait_ready(self) -> None:
+        """Wait for the measured positions and for diagnostics; raise NoAnswerError."""
+        client = self._client
+        self.wait_measured()
         if not client.wait(lambda: self.rejections is not None):
             raise NoAnswerError(f'{client.name} sends no /diagnostics')
         if self._status != 'none':
