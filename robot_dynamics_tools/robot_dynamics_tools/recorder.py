@@ -136,13 +136,9 @@ class Recorder:
                     continue
             count.recorded += 1
             count.lost += lost
-            self._writer.write(name, self._recorded_at(info, stamp), data)
+            self._writer.write(name, stamp or self._time_ns() if self._time_ns else int(
+                info['received_timestamp']), data)
         return count.received - before
-
-    def _recorded_at(self, info: Any, stamp_ns: int) -> int:
-        if self._time_ns is None:
-            return int(info['received_timestamp'])
-        return stamp_ns or self._time_ns()
 
 
 def write_description(writer: RecordingWriter, topic: str, urdf: str, time_ns: int) -> None:

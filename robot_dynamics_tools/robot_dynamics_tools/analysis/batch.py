@@ -234,7 +234,7 @@ def _one_thread_each() -> Iterator[None]:
 def _on_dask(
     one: Callable[[Job], TaskOutcome[Any]], jobs: Sequence[Job], scheduler: str,
 ) -> Iterator[Numbered]:
-    distributed = require_dask()
+    distributed = optional('distributed', 'a Dask cluster')
     try:
         client = distributed.Client(scheduler, timeout='10s')
     except (OSError, ValueError, TimeoutError) as error:
@@ -249,8 +249,3 @@ def _on_dask(
             failure = future.exception()
             yield i, future.result() if failure is None else TaskOutcome(
                 jobs[i][0], error=f'{type(failure).__name__}: {failure}')
-
-
-def require_dask() -> Any:
-    """Return the module of Dask's cluster; raise MissingDependencyError without it."""
-    return optional('distributed', 'a Dask cluster')

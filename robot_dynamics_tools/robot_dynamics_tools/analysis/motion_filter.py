@@ -150,19 +150,10 @@ def _join(
         & (last - series.times[part] >= EDGE / cutoff.hz)
         for part, (first, last) in zip(segments, ends)])
     return FilteredMotion(
-        joint_names=series.joint_names,
-        stamps_ns=series.stamps_ns[rows],
-        position=signals['position'],
-        velocity=signals['velocity'],
-        acceleration=signals['acceleration'],
-        effort=signals.get('effort'),
-        cutoff_hz=cutoff.hz,
-        sample_rate_hz=rate,
-        cutoff_reason=cutoff.reason,
+        series.joint_names, series.stamps_ns[rows], signals['position'], signals['velocity'],
+        signals['acceleration'], signals.get('effort'), cutoff.hz, rate, cutoff.reason,
         segment=np.repeat(np.arange(len(segments)), [len(part) for part in segments]),
-        usable=usable,
-        left_out=len(series.stamps_ns) - len(rows),
-        differentiated=tuple(
+        usable=usable, left_out=len(series.stamps_ns) - len(rows), differentiated=tuple(
             name for name, is_bad in zip(series.joint_names, bad) if is_bad),
         effort_noise=() if series.effort is None else _noise(
             series.effort[rows], signals['effort'], cutoff.hz, rate))

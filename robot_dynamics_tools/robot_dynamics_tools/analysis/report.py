@@ -54,12 +54,14 @@ def residual_rows(statistics: ResidualStatistics, joint_kinds: Sequence[str]) ->
     rows: Rows = [(
         'joint', 'RMS measured', 'RMS residual', 'relative', 'mean residual', 'largest residual',
         'R²')]
-    for j, (name, kind) in enumerate(zip(statistics.joint_names, joint_kinds)):
+    for j, (name, kind, fraction) in enumerate(zip(
+            statistics.joint_names, joint_kinds, statistics.r_squared)):
         unit = units_of(kind).effort
         rows.append((
             name, f'{statistics.rms_measured[j]:.3f} {unit}', f'{statistics.rms[j]:.3f} {unit}',
             percent(statistics.relative[j]), f'{statistics.mean[j]:+.3f} {unit}',
-            f'{statistics.largest[j]:.3f} {unit}', _number(statistics.r_squared[j])))
+            f'{statistics.largest[j]:.3f} {unit}',
+            '-' if np.isnan(fraction) else f'{fraction:.3f}'))
     return rows
 
 
@@ -79,10 +81,6 @@ def limit_use_rows(
 
 def _of_limit(ratio: float) -> str:
     return 'no limit' if np.isnan(ratio) else f'{100.0 * ratio:.0f} % of limit'
-
-
-def _number(value: float) -> str:
-    return '-' if np.isnan(value) else f'{value:.3f}'
 
 
 GOOD, POOR = 0.1, 0.5

@@ -3,7 +3,7 @@
 
 """The samples of an analysis as files: a table (CSV or Parquet) and a recording of the terms."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 import csv
 from pathlib import Path
 
@@ -14,10 +14,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis
 from robot_dynamics_tools.analysis.motion_filter import FilteredMotion
 from robot_dynamics_tools.recordings.bag_files import METADATA
-from robot_dynamics_tools.recordings.messages import (
-    dynamics_terms_messages,
-    joint_state_messages,
-)
+from robot_dynamics_tools.recordings.messages import joint_state_messages, stamped_messages
 from robot_dynamics_tools.recordings.topics import DYNAMICS_TERMS, JOINT_STATE
 from robot_dynamics_tools.recordings.writer import RecordingWriter
 
@@ -90,11 +87,19 @@ def write_terms(analysis: BagAnalysis, directory: Path) -> None:
     is replaced. Raises RecordingError if the directory contains anything else.
     """
     _remove_recording(directory)
+    motion, terms, names = analysis.motion, analysis.terms, analysis.arm.joint_names
+    written = {(TERMS_TOPIC, DYNAMICS_TERMS): stamped_messages(
+        DYNAMICS_TERMS, motion.stamps_ns, {
+            **terms.by_name, 'external': np.zeros_like(terms.gravity), 'effort': terms.effort,
+            'kinetic_energy': terms.kinetic_energy, 'potential_energy': terms.potential_energy},
+        joint_names=list(names))}
+    if analysis.residual is not None:
+        written[RESIDUAL_TOPIC, JOINT_STATE] = joint_state_messages(
+            motion.stamps_ns, names, effort=analysis.residual)
     with RecordingWriter(directory) as writer:
-        stamps = analysis.motion.stamps_ns.tolist()
-        for topic, kind, messages in _messages(analysis):
+        for (topic, kind), messages in written.items():
             writer.add_topic(topic, kind)
-            for stamp, message in zip(stamps, messages):
+            for stamp, message in zip(motion.stamps_ns.tolist(), messages):
                 writer.write(topic, stamp, message)
 
 
@@ -104,15 +109,3 @@ def _remove_recording(directory: Path) -> None:
         for name in names:
             (directory / name).unlink(missing_ok=True)
         directory.rmdir()
-
-
-def _messages(analysis: BagAnalysis) -> Iterator[tuple[str, str, list[bytes]]]:
-    motion, terms, names = analysis.motion, analysis.terms, analysis.arm.joint_names
-    yield TERMS_TOPIC, DYNAMICS_TERMS, dynamics_terms_messages(
-        motion.stamps_ns, names,
-        (terms.inertial, terms.coriolis, terms.gravity, terms.friction,
-         np.zeros_like(terms.gravity), terms.effort),
-        terms.kinetic_energy, terms.potential_energy)
-    if analysis.residual is not None:
-        yield RESIDUAL_TOPIC, JOINT_STATE, joint_state_messages(
-            motion.stamps_ns, names, effort=analysis.residual)

@@ -147,13 +147,14 @@ class _Animation:
     def _show_outward(self, k: int, i: int, scales: chain_stage.StageScales) -> None:
         """Show how links 0 to i move, with link i as the current one."""
         last, now = i + 1 == len(self._joints), self._passes[k]
-        rate, rates = _rate_formulas(i)
+        rate, change = (f'\\omega_{i} + ', f'\\dot\\omega_{i} + ') if i else ('', '')
         handed = '' if last else (
             f';  of joint {i + 2}: {_size(now.joint_acceleration[i + 1])} m/s²')
         self._begin(
             k, f'Stop. Outward pass: motion of link {i + 1}',
-            f'${rate}$ = {_number(now.omega[i])} rad/s,   '
-            f'${rates}$ = {_number(now.omega_dot[i])} rad/s²\n'
+            f'$\\omega_{i + 1} = {rate}\\dot q_{i + 1}$ = {_number(now.omega[i])} rad/s,   '
+            f'$\\dot\\omega_{i + 1} = {change}\\ddot q_{i + 1}$ = {_number(now.omega_dot[i])} '
+            'rad/s²\n'
             f'acceleration $\\dot v_{{C{i + 1}}}$ of its centre of mass: '
             f'{_size(now.com_acceleration[i])} m/s²{handed}', scales)
         stage = self._stage
@@ -172,11 +173,15 @@ class _Animation:
     def _show_inward(self, k: int, i: int, scales: chain_stage.StageScales) -> None:
         """Show link i as a free body, and what the joints from the tip to it bear."""
         n, now = len(self._joints), self._passes[k]
-        force, moment = _force_formulas(i, i + 1 == n)
+        own, needed = i + 1, f'm_{i + 1} (\\dot v_{{C{i + 1}}} + g\\,\\hat y)'
+        force, moment = needed, f'I_{own} \\dot\\omega_{own} + r_{own} \\times {needed}'
+        if own < n:
+            force = f'f_{own + 1} + {needed}'
+            moment = f'\\tau_{own + 1} + {moment} + l_{own} \\times f_{own + 1}'
         self._begin(
             k, f'Inward pass: force and moment of joint {i + 1} on link {i + 1}',
-            f'${force}$,  magnitude {_size(now.force[i])} N\n'
-            f'${moment}$ = {_number(now.tau[i])} N·m', scales)
+            f'$f_{own} = {force}$,  magnitude {_size(now.force[i])} N\n'
+            f'$\\tau_{own} = {moment}$ = {_number(now.tau[i])} N·m', scales)
         stage = self._stage
         stage.draw_links(now, i)
         stage.draw_force(
@@ -212,25 +217,6 @@ def _trail(motion: ArmMotion, view: PlanarView) -> tuple[FloatArray, FloatArray]
         times = np.interp(places, np.arange(len(t)), t)
         positions = spline(t, motion.position, motion.velocity)(times)
     return times, np.array([view.passes(q, rest, rest).tip_position for q in positions])
-
-
-def _rate_formulas(i: int) -> tuple[str, str]:
-    """Return the formulas of the angular velocity and acceleration of link i."""
-    own = i + 1
-    rate, change = (f'\\omega_{i} + ', f'\\dot\\omega_{i} + ') if i else ('', '')
-    return (f'\\omega_{own} = {rate}\\dot q_{own}',
-            f'\\dot\\omega_{own} = {change}\\ddot q_{own}')
-
-
-def _force_formulas(i: int, last: bool) -> tuple[str, str]:
-    """Return the formulas of the force and the moment of joint i."""
-    own = i + 1
-    needed = f'm_{own} (\\dot v_{{C{own}}} + g\\,\\hat y)'
-    force = needed if last else f'f_{own + 1} + {needed}'
-    moment = f'I_{own} \\dot\\omega_{own} + r_{own} \\times {needed}'
-    if not last:
-        moment = f'\\tau_{own + 1} + {moment} + l_{own} \\times f_{own + 1}'
-    return f'f_{own} = {force}', f'\\tau_{own} = {moment}'
 
 
 def _pixels(figure: Any) -> Pixels:

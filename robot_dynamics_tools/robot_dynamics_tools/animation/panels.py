@@ -94,14 +94,11 @@ class EffortPanel:
         self._values = np.column_stack([motion.terms[name][:, joint] for name in self._names])
         largest = _ROOM * max(float(np.abs(self._values).max()), 1e-3)
         self._bars = _Bars(
-            axes, [self._word(name) for name in self._names],
+            axes, ['sum: measured, τ' if name == 'effort' and 'residual' in self._names else
+                   TERM_WORDS[name] for name in self._names],
             [figures.LINES[name].colour for name in self._names],
             -largest, largest, units_of(motion.arm.joint_kinds[joint]).effort)
         figures.title_axes(axes, f'Effort at {motion.arm.joint_names[joint]}')
-
-    def _word(self, term: str) -> str:
-        measured = term == 'effort' and 'residual' in self._names
-        return 'sum: measured, τ' if measured else TERM_WORDS[term]
 
     def show(self, k: int) -> None:
         """Show the instant k."""

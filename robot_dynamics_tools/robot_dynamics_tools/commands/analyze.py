@@ -23,7 +23,7 @@ from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
 from robot_dynamics_tools.analysis import tasks
 from robot_dynamics_tools.analysis.bag_analysis import STEPS
-from robot_dynamics_tools.analysis.batch import require_dask, run_tasks, TaskOutcome
+from robot_dynamics_tools.analysis.batch import run_tasks, TaskOutcome
 from robot_dynamics_tools.analysis.report import limit_use_rows, residual_rows
 from robot_dynamics_tools.analysis.residual import merged_statistics
 from robot_dynamics_tools.analysis.sample_files import require_parquet
@@ -57,8 +57,6 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         require_parquet()
         if arguments.output is None:
             raise InvalidInputError('--parquet is given without --output, the output directory')
-    if arguments.dask is not None:
-        require_dask()
     bags = find_recordings(arguments.bags, arguments.output)
     names = relative_names(bags)
     settings = options.read_settings(arguments)

@@ -91,13 +91,15 @@ def _run(arguments: argparse.Namespace) -> int:
 def _report(arm: ArmModel, excitation: Excitation, found: ExcitingTrajectory) -> None:
     rows: list[tuple[str, ...]] = [('joint', 'start', 'lowest', 'highest', 'velocity',
                                     'acceleration', 'effort')]
-    for j, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_kinds)):
+    for j, (name, kind, limit) in enumerate(zip(
+            arm.joint_names, arm.joint_kinds, arm.limits.effort)):
         unit = units_of(kind).position
         rows.append((
             name, *(f'{x[j]:.3f} {unit}' for x in (
                 excitation.limits.start, found.lowest, found.highest)),
             f'{found.velocity[j]:.3f} {unit}/s', f'{found.acceleration[j]:.3f} {unit}/s²',
-            _effort(found.effort[j], arm.limits.effort[j], kind)))
+            f'{found.effort[j]:.2f} {units_of(kind).effort}' + (
+                f' ({100.0 * found.effort[j] / limit:.0f} %)' if np.isfinite(limit) else '')))
     print()
     print(quantity_table(rows))
     print()
@@ -109,7 +111,3 @@ def _report(arm: ArmModel, excitation: Excitation, found: ExcitingTrajectory) ->
           f'{len(found.trajectory.points)} points, interpolation '
           f'error {found.interpolation_error:.1e} of the series')
 
-
-def _effort(effort: float, limit: float, kind: str) -> str:
-    percentage = f' ({100.0 * effort / limit:.0f} %)' if limit < float('inf') else ''
-    return f'{effort:.2f} {units_of(kind).effort}{percentage}'

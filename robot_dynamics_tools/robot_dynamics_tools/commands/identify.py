@@ -20,7 +20,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
-from robot_dynamics_tools.analysis.batch import require_dask, run_tasks
+from robot_dynamics_tools.analysis.batch import run_tasks
 from robot_dynamics_tools.identification import summary
 from robot_dynamics_tools.identification.bag_identification import (
     BagIdentification,
@@ -86,8 +86,6 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     bags = find_recordings(arguments.bags)
     settings = replace(
         options.read_settings(arguments), effort_is_current=arguments.effort == 'current')
-    if arguments.dask is not None:
-        require_dask()
     payloads = [
         (recording, make_payload(link, values[0], values[1:] or (0.0, 0.0, 0.0)))
         for recording, link, values in arguments.payload]

@@ -16,6 +16,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.worst_gravity import search_box
 from robot_dynamics.validation import check_scalar, check_vector
 
 LARGEST_SWING = np.pi
@@ -108,23 +109,14 @@ def start_pose(dynamics: ArmDynamics) -> FloatArray:
     most half of every effort limit; if there is no such pose, the pose with the smallest ratio.
     """
     arm = dynamics.arm
-    middle, half_range = _ranges(arm)
+    low, high = search_box(arm)
     pattern = np.resize(_START_PATTERN, arm.joint_count)
-    poses = [middle + scale * pattern * half_range for scale in _START_SCALES]
+    poses = [0.5 * (low + high + scale * pattern * (high - low)) for scale in _START_SCALES]
     ratios = [effort_ratio(dynamics.gravity(q), arm.limits.effort) for q in poses]
     for q, ratio in zip(poses, ratios):
         if ratio <= 0.5:
             return q
     return poses[int(np.argmin(ratios))]
-
-
-def _ranges(arm: ArmModel) -> tuple[FloatArray, FloatArray]:
-    """Return the middle of each joint's range and half of the range; π for an infinite range."""
-    lower, upper = arm.limits.lower, arm.limits.upper
-    reach = np.where([kind == 'prismatic' for kind in arm.joint_kinds], 1.0, np.pi)
-    low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper, 0.0) - reach)
-    high = np.where(np.isfinite(upper), upper, np.where(np.isfinite(lower), lower, 0.0) + reach)
-    return 0.5 * (low + high), np.minimum(0.5 * (high - low), reach)
 
 
 def effort_ratio(efforts: FloatArray, limit: FloatArray) -> float:

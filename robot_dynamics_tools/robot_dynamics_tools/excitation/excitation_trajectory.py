@@ -74,11 +74,6 @@ def exciting_trajectory(
         begun_at(lead), lead,
         q.min(axis=0), q.max(axis=0), np.abs(v).max(axis=0), np.abs(a).max(axis=0), effort,
         float(np.abs(q - excitation.motion(dense).position).max()))
-    _check(excitation, found)
-    return found
-
-
-def _check(excitation: Excitation, found: ExcitingTrajectory) -> None:
     limits = excitation.limits
     for field, used, limit in (
             ('position', found.highest - limits.start, limits.above),
@@ -91,3 +86,4 @@ def _check(excitation: Excitation, found: ExcitingTrajectory) -> None:
             raise InvalidInputError(
                 f'{field} of {found.trajectory.joint_names[j]!r} uses {used[j]:.6g}, expected at '
                 f'most {limit[j]:.6g}')
+    return found

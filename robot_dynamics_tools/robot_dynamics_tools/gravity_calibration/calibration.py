@@ -125,7 +125,13 @@ def calibrate_holds(
     if weight is not None:
         sets.append(HoldSet(pair_holds(with_weight, arm.joint_kinds), weight))
     for one in sets:
-        _check_poses(one)
+        count = len(one.paired.times)
+        if count < LEAST_POSES:
+            raise InvalidInputError(
+                f'{len(one.paired.holds)} holds {one.title} have {count} poses that a joint '
+                f'approached from both sides, expected at least {LEAST_POSES}: hold each pose for '
+                '1 s or longer after a motion in the positive direction, and again after one in '
+                'the negative direction')
     if tool is not None and tool.mass is None and weight is None:
         raise InvalidInputError(
             'the mass of the tool is not given, expected it, or holds with a known weight: effort '
@@ -176,16 +182,6 @@ def _covariance(
         np.diag(unknown**2)))
 
 
-def _check_poses(one: HoldSet) -> None:
-    count = len(one.paired.times)
-    if count < LEAST_POSES:
-        raise InvalidInputError(
-            f'{len(one.paired.holds)} holds {one.title} have {count} poses that a joint '
-            f'approached from both sides, expected at least {LEAST_POSES}: hold each pose for 1 s '
-            'or longer after a motion in the positive direction, and again after one in the '
-            'negative direction')
-
-
 def _observations(
     arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None, reference: ScaleReference,
 ) -> tuple[scale_fit.Observations, FloatArray]:
@@ -198,7 +194,8 @@ def _observations(
         np.tile(_weight_parameters(arm, one.weight), (len(one.paired.times), 1)) for one in sets])
     known = np.einsum('pjk,pk->pj', Y, loads)
     if reference is ScaleReference.WEIGHT:
-        basis = _basis(Y[is_used])
+        _, singular, Vt = np.linalg.svd(Y[is_used], full_matrices=False)
+        basis = Vt[singular > _SAME * singular[0]].T  # of what determines these rows
         return scale_fit.Observations(effort, known, Y @ basis, is_used), basis
     known += np.concatenate([
         one.paired.mean(RigidBody(arm).gravity_batch(one.paired.positions)) for one in sets])
@@ -220,12 +217,6 @@ def _weight_parameters(arm: ArmModel, weight: Payload | None) -> FloatArray:
             f'the weight is on {weight.link!r}, which is fixed to the base, expected a link that '
             'joints move')
     return np.asarray(columns @ np.array([weight.mass, *(weight.mass * weight.com)]))
-
-
-def _basis(Y: FloatArray) -> FloatArray:
-    """Return orthonormal combinations of gravity parameters that determine the rows of Y."""
-    _, singular, Vt = np.linalg.svd(Y, full_matrices=False)
-    return np.asarray(Vt[singular > _SAME * singular[0]].T)
 
 
 def _fit(

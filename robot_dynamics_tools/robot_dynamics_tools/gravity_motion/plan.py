@@ -9,7 +9,7 @@ at the same position. A displacement that is larger than the step is divided int
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -86,7 +86,9 @@ class MotionPlan:
             for side in (1.0, -1.0):
                 aside = pose + side * self.approach
                 for goal in (*self._steps(here, aside), pose):
-                    yield i, self._move(here, goal, self.hold if goal is pose else 0.0)
+                    velocity, hold = (self.velocity, 0.0) if goal is not pose else (
+                        APPROACH_VELOCITY * self.velocity, self.hold)
+                    yield i, Move(goal, rest_to_rest_seconds(goal - here, velocity), hold)
                     here = goal
 
     @property
@@ -94,24 +96,12 @@ class MotionPlan:
         """Duration [s] of all moves and holds."""
         return sum(move.duration + move.hold for _, move in self.moves())
 
-    def starting_at(self, position: FloatArray) -> 'MotionPlan':
-        """Return the plan from another measured position (n,)."""
-        return replace(self, start=within_a_turn(self.arm, position))
-
-    def reversed(self) -> 'MotionPlan':
-        """Return the plan with the poses in the opposite order."""
-        return replace(self, poses=self.poses[::-1])
-
     def _steps(self, here: FloatArray, goal: FloatArray) -> Iterator[FloatArray]:
         way = goal - here
         count = max(1, int(np.ceil(np.max(np.abs(way) / self.step, initial=0.0) - 1e-9)))
         for k in range(1, count):
             yield here + k / count * way
         yield goal
-
-    def _move(self, here: FloatArray, goal: FloatArray, hold: float) -> Move:
-        velocity = self.velocity * (APPROACH_VELOCITY if hold else 1.0)
-        return Move(goal, rest_to_rest_seconds(goal - here, velocity), hold)
 
 
 def make_plan(

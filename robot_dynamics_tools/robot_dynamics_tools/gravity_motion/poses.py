@@ -57,9 +57,18 @@ def chosen_poses(
         within = approach_distance(arm)
         poses = select_poses(
             loaded, count, low - within, high + within, choice.seed).positions
-    _check_within(arm, poses, low, high)
+    names, slack = arm.joint_names, 1e-9
+    for i, j in np.argwhere((poses < low - slack) | (poses > high + slack))[:1]:
+        raise InvalidInputError(
+            f'pose {i + 1} has {names[j]} at {poses[i, j]:g}, expected a value in '
+            f'[{low[j]:g}, {high[j]:g}]: the position limits and --range, less the approach')
     for load in (None,) if weight is None else (None, weight):
-        _check_holds(arm, poses, load)
+        share = gravity_share(arm, poses, load)
+        for i, j in np.argwhere(share > LARGEST_SHARE)[:1]:
+            added = '' if load is None else f' with {load.mass:g} kg on {load.link}'
+            raise InvalidInputError(
+                f'gravity at pose {i + 1} takes {100.0 * share[i, j]:.0f} % of the effort limit '
+                f'of {names[j]}{added}, expected at most {100.0 * LARGEST_SHARE:.0f} %')
     return poses
 
 
@@ -99,22 +108,3 @@ def _pose(number: int, entry: object, joint_names: Sequence[str]) -> list[float]
     return [
         check_scalar(f'pose {number}, {name}', entry[name], -LARGEST_VALUE, LARGEST_VALUE)
         for name in joint_names]
-
-
-def _check_within(
-    arm: ArmModel, poses: FloatArray, low: FloatArray, high: FloatArray,
-) -> None:
-    slack = 1e-9
-    for i, j in np.argwhere((poses < low - slack) | (poses > high + slack))[:1]:
-        raise InvalidInputError(
-            f'pose {i + 1} has {arm.joint_names[j]} at {poses[i, j]:g}, expected a value in '
-            f'[{low[j]:g}, {high[j]:g}]: the position limits and --range, less the approach')
-
-
-def _check_holds(arm: ArmModel, poses: FloatArray, weight: Payload | None) -> None:
-    share = gravity_share(arm, poses, weight)
-    for i, j in np.argwhere(share > LARGEST_SHARE)[:1]:
-        load = f' with {weight.mass:g} kg on {weight.link}' if weight is not None else ''
-        raise InvalidInputError(
-            f'gravity at pose {i + 1} takes {100.0 * share[i, j]:.0f} % of the effort limit of '
-            f'{arm.joint_names[j]}{load}, expected at most {100.0 * LARGEST_SHARE:.0f} %')

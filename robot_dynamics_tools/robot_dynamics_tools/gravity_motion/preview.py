@@ -29,8 +29,10 @@ def preview(plan: MotionPlan, node: str, weight: Payload | None, outputs: Sequen
     arm, poses = plan.arm, plan.poses
     blocks = [
         f'{node}: {len(poses)} poses of {arm.name}, in this order',
-        _table(arm, [_position_cells(arm, q) for q in np.vstack([plan.start, poses])],
-               ['m' if kind == 'prismatic' else 'deg' for kind in arm.joint_kinds], 'start'),
+        _table(arm, [
+            [f'{value:.3f}' if kind == 'prismatic' else f'{np.degrees(value):.1f}'
+             for value, kind in zip(q, arm.joint_kinds)] for q in (plan.start, *poses)],
+            ['m' if kind == 'prismatic' else 'deg' for kind in arm.joint_kinds], 'start'),
         'Gravity torque [% of the effort limit]\n' + _share_table(arm, poses, None)]
     if weight is not None:
         blocks.append(
@@ -76,11 +78,6 @@ def _table(
     return text_table(
         ['pose', *(f'{name} [{unit}]' for name, unit in zip(arm.joint_names, units))],
         [[label, *row] for label, row in zip(labels, rows)], left_columns=1)
-
-
-def _position_cells(arm: ArmModel, q: FloatArray) -> list[str]:
-    return [f'{value:.3f}' if kind == 'prismatic' else f'{np.degrees(value):.1f}'
-            for value, kind in zip(q, arm.joint_kinds)]
 
 
 def _extent(arm: ArmModel, values: FloatArray, of_time: str = '') -> str:

@@ -26,6 +26,7 @@ from robot_dynamics_tools.gravity_motion.plan import (
     MotionPlan,
     MotionSettings,
     Move,
+    within_a_turn,
 )
 from robot_dynamics_tools.gravity_motion.poses import chosen_poses, PoseChoice
 from robot_dynamics_tools.gravity_motion.preview import preview
@@ -115,7 +116,9 @@ def _record_holds(client: DynamicsClient, request: MotionRequest) -> str | None:
     if request.previews:
         return None
     if not request.is_confirmed:
-        _confirm()
+        print('Type yes and press Enter to move the arm: ', end='', flush=True)
+        if sys.stdin.readline().strip().lower() != 'yes':
+            raise ToolError('not confirmed; the arm has not moved')
     CalibrationMotion(client, watch, urdf, request.weight).run(plan, request.outputs)
     return client.joint_state_topic()
 
@@ -139,7 +142,7 @@ class CalibrationMotion:
                 self._pass(plan, outputs[0])
                 if self._weight is not None:
                     self._attach(self._weight)
-                    self._pass(plan.reversed(), outputs[1])
+                    self._pass(replace(plan, poses=plan.poses[::-1]), outputs[1])
                     self._remove(self._weight)
         except KeyboardInterrupt:
             print('\n'.join(self._ending()), file=sys.stderr, flush=True)
@@ -197,7 +200,7 @@ class CalibrationMotion:
         with watch.following():
             watch.wait_ready()
             watch.check_free()
-            plan = plan.starting_at(np.array(watch.measured()))
+            plan = replace(plan, start=within_a_turn(plan.arm, np.array(watch.measured())))
             with (goal_publication(self._client, plan.arm.joint_names) as publish,
                   Progress(plan.seconds, 's') as progress):
                 for _, move in plan.moves():
@@ -240,7 +243,10 @@ class CalibrationMotion:
             f'centre of mass at ({centre}) m in the frame of this link.\nThe arm may sag '
             'a little. Leave the reach of the arm, then press Enter: the node compensates the '
             f'weight within {TRANSITION:g} s, and the arm moves through the poses again. ')
-        note, self._weight_note = self._weight_note, self._attached_note(weight)
+        note, self._weight_note = self._weight_note, (
+            f'The node still compensates {describe_payloads([weight])}, because the weight is '
+            'attached. Remove the weight,\nthen end the compensation with: ros2 dynamics payload '
+            f'{weight.link} 0 --transition {TRANSITION:g} --node {self._client.name}')
         try:
             report = self._set_payload(weight)
         except RefusedError:
@@ -267,12 +273,6 @@ class CalibrationMotion:
     def _set_payload(self, payload: Payload) -> str:
         return str(self._client.call(SetPayload, 'set_payload', SetPayload.Request(
             payload=payload_to_ros(payload), transition_time=TRANSITION)).message)
-
-    def _attached_note(self, weight: Payload) -> str:
-        return (
-            f'The node still compensates {describe_payloads([weight])}, because the weight is '
-            'attached. Remove the weight,\nthen end the compensation with: ros2 dynamics payload '
-            f'{weight.link} 0 --transition {TRANSITION:g} --node {self._client.name}')
 
 
 # ------------------------------------------------------------------------------ before the motion
@@ -308,12 +308,6 @@ def _check_weight(payloads: Sequence[Payload], weight: Payload | None) -> None:
     if payloads:
         print(f'The node compensates {describe_payloads(payloads)}. The calculation counts them '
               'as parts of the tool.')
-
-
-def _confirm() -> None:
-    print('Type yes and press Enter to move the arm: ', end='', flush=True)
-    if sys.stdin.readline().strip().lower() != 'yes':
-        raise ToolError('not confirmed; the arm has not moved')
 
 
 def _wait_for_enter(text: str) -> None:

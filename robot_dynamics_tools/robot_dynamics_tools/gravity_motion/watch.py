@@ -106,7 +106,9 @@ class ArmWatch(MotionWatch):
         def has_rested() -> bool:
             nonlocal anchor, since_ns, restless
             self.check_following()
-            self._check_holds(goal)
+            assert self.reference is not None
+            if not self.is_at(goal.tolist(), self.reference[1]):
+                raise ToolError('another reference replaced that of the calibration')
             q = np.array(self.measured())
             moved = np.abs(self.error(anchor.tolist(), q.tolist())) > self._still
             if moved.any():
@@ -136,11 +138,6 @@ class ArmWatch(MotionWatch):
                 f'{self._client.timeout:g} s')
         if self.position_ns > self._late_ns:
             raise ToolError('the reference did not reach its goal in time')
-
-    def _check_holds(self, goal: FloatArray) -> None:
-        assert self.reference is not None
-        if not self.is_at(goal.tolist(), self.reference[1]):
-            raise ToolError('another reference replaced that of the calibration')
 
     def _check_arrived(self, goal: FloatArray, tolerance: FloatArray) -> None:
         position = self.measured()

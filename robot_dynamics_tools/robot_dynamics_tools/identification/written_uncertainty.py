@@ -33,7 +33,6 @@ from robot_dynamics_tools.identification.friction_regressor import FRICTION_COLU
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.pipeline import base_parameters_of, Identification
 from robot_dynamics_tools.identification.regularized_fit import bounded_problem
-from robot_dynamics_tools.identification.steps import EffortSeries
 from robot_dynamics_tools.least_squares import decomposed
 
 LARGEST_REGULARIZATION = 1.0
@@ -83,8 +82,10 @@ def recorded_deviations(
     """
     deviation = _model_deviation(identification)
     shown = [recording.shown for recording in identification.recordings]
-    variance = np.concatenate([
-        0.25 * (each.measured - each.single)**2 - _covariance_in_residual(deviation, each)
+    variance = np.concatenate([  # without that by the covariance, which samples for training lack
+        0.25 * (each.measured - each.single)**2
+        - (each.times >= each.test_from)[:, np.newaxis] * (deviation.errors(
+            each.position, each.velocity, each.acceleration)**2).sum(axis=2)
         for each in shown])
     speed = np.abs(np.concatenate([each.velocity for each in shown]))
     middle = np.median(speed, axis=0)
@@ -92,14 +93,6 @@ def recorded_deviations(
         np.quantile(own[rows], COVERAGE) for own, rows in zip(variance.T, is_part.T)], 0.0))
         for is_part in (speed <= middle, speed >= middle))
     return fast, slow, middle, speed.max(axis=0)
-
-
-def _covariance_in_residual(deviation: EffortDeviation, series: EffortSeries) -> FloatArray:
-    """Return the variance (m, n) by the covariance, 0 at samples for training, which lack it."""
-    is_test = series.times >= series.test_from
-    variance = (deviation.errors(
-        series.position, series.velocity, series.acceleration)**2).sum(axis=2)
-    return np.asarray(np.where(is_test[:, np.newaxis], variance, 0.0))
 
 
 def _model_deviation(identification: Identification) -> EffortDeviation:

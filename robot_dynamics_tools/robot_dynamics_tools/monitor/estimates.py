@@ -28,8 +28,10 @@ from robot_dynamics.ros.parameters.declared_parameters import Values
 from robot_dynamics_tools.monitor.contacts import LiveContacts
 from robot_dynamics_tools.monitor.followed_model import Followed
 from robot_dynamics_tools.monitor.states import MeasuredState
-from robot_dynamics_tools.monitor.wrench import LiveWrench, wrench_estimator
+from robot_dynamics_tools.monitor.wrench import LiveWrench
+from robot_dynamics_tools.monitoring.external_wrench import ExternalWrenchEstimator
 from robot_dynamics_tools.monitoring.live_residual import LiveResidual
+from robot_dynamics_tools.pictures.stick_figure import tool_link
 from sensor_msgs.msg import JointState
 
 LONGEST_STEP = 0.1
@@ -50,7 +52,9 @@ class Estimates:
         self._external = ExternalEffort(dynamics, model.values['external_effort_bandwidth'])
         self._residual = LiveResidual(dynamics, values['residual_bandwidth'])
         self._all: tuple[ExternalEffort | LiveResidual, ...] = (self._external, self._residual)
-        self.wrench = wrench_estimator(dynamics, self._external, values)
+        self.wrench = ExternalWrenchEstimator(
+            dynamics, self._external, values['external_wrench.frame'] or tool_link(model.arm),
+            values['external_wrench.largest_force'], values['external_wrench.largest_torque'])
 
     def set_model(self, model: Followed) -> None:
         """Continue with other loads, gravity or bandwidth of the same arm."""
@@ -184,17 +188,11 @@ class LiveEstimates:
                 publisher.publish(estimates.template.filled(state.stamp, estimate))
         if found[0] is not None:
             self.wrench.publish(state.stamp_ns, dt)
-        if estimates.has_deviations:
-            self._publish_deviations(estimates, found, dt, state.stamp)
-
-    def _publish_deviations(
-        self, estimates: Estimates, found: list[FloatArray | None], dt: float, stamp: bytes,
-    ) -> None:
         for i, (publisher, count) in enumerate(zip(self._deviations, self._deviation_counts)):
             if found[i] is not None and count():
                 deviation = estimates.deviation(i, dt)
                 if deviation is not None:
-                    publisher.publish(estimates.template.filled(stamp, deviation))
+                    publisher.publish(estimates.template.filled(state.stamp, deviation))
 
     def _begin_where_needed(self, estimates: Estimates, state: MeasuredState) -> float:
         """Return the time [s] since the state before; after a reset it is not used."""

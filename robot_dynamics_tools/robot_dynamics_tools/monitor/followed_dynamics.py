@@ -77,22 +77,20 @@ class FollowedDynamics:
     def status(self) -> Status:
         """Return whether the node is there, for the diagnostics."""
         if not self._publishers:
-            others = ', '.join(self._others()) or 'none'
+            others = sorted(
+                name.removesuffix('/payload')
+                for name, kinds in self._node.get_topic_names_and_types()
+                if name.endswith('/payload') and 'geometry_msgs/msg/InertiaStamped' in kinds
+                and self._node.count_publishers(name))
             return Status('dynamics', WARN, (
-                f'no node {self.name} (parameter dynamics), those that run: {others}' + (
+                f'no node {self.name} (parameter dynamics), those that run: '
+                f'{", ".join(others) or "none"}' + (
                     '; its last parameters are used' if self._has_values else '')), {})
         if self._obstacle:
             return Status('dynamics', ERROR, self._obstacle, {})
         if not self._has_values:
             return Status('dynamics', WARN, f'waiting for the parameters of {self.name}', {})
         return Status('dynamics', OK, f'follows {self.name}', {})
-
-    def _others(self) -> list[str]:
-        return sorted(
-            name.removesuffix('/payload')
-            for name, kinds in self._node.get_topic_names_and_types()
-            if name.endswith('/payload') and 'geometry_msgs/msg/InertiaStamped' in kinds
-            and self._node.count_publishers(name))
 
     # ------------------------------------------------------------------ description, parameters
 

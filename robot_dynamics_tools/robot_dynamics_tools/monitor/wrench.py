@@ -10,28 +10,16 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, stamp_to_ros
 from robot_dynamics.ros.middleware.rclpy_internals import subscription_count
-from robot_dynamics.ros.parameters.declared_parameters import Values
 from robot_dynamics_interfaces.msg import WrenchCovariance
-from robot_dynamics_tools.monitoring.external_wrench import ExternalWrenchEstimator, WrenchEstimate
-from robot_dynamics_tools.pictures.stick_figure import tool_link
+from robot_dynamics_tools.monitoring.external_wrench import ExternalWrenchEstimator
+from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 NEWEST_ONLY = QoSProfile(depth=1)
 UNKNOWN = -1.0
 """First element of a covariance that is not known."""
-
-
-def wrench_estimator(
-    dynamics: ArmDynamics, observer: ExternalEffort, values: Values,
-) -> ExternalWrenchEstimator:
-    """Return the estimator of the parameters; raise InvalidInputError for an unknown link."""
-    return ExternalWrenchEstimator(
-        dynamics, observer, values['external_wrench.frame'] or tool_link(dynamics.arm),
-        values['external_wrench.largest_force'], values['external_wrench.largest_torque'])
 
 
 class LiveWrench:
@@ -67,9 +55,16 @@ class LiveWrench:
         estimate = estimator.update(dt)
         if estimate is not None:
             self.newest = estimate.wrench
-            self._wrench.publish(_wrench_to_ros(stamp_ns, estimator.frame, estimate))
+            header = Header(stamp=stamp_to_ros(stamp_ns), frame_id=estimator.frame)
+            message = WrenchStamped(header=header)
+            force, torque = message.wrench.force, message.wrench.torque
+            force.x, force.y, force.z, torque.x, torque.y, torque.z = estimate.wrench.tolist()
+            self._wrench.publish(message)
             if self.counts[1]():
-                self._covariance.publish(_covariance_to_ros(stamp_ns, estimator.frame, estimate))
+                C = estimate.covariance
+                self._covariance.publish(WrenchCovariance(
+                    header=header, unobservable=floats_to_ros(estimate.unobservable),
+                    covariance=[UNKNOWN, *[0.0] * 35] if C is None else C.ravel()))
 
     def _zero(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self.estimator is None:
@@ -80,21 +75,3 @@ class LiveWrench:
             'the mean external effort of the last 0.2 s is subtracted from now on')
         self._node.get_logger().info(f'~/zero_external_wrench: {response.message}')
         return response
-
-
-def _wrench_to_ros(stamp_ns: int, frame: str, estimate: WrenchEstimate) -> WrenchStamped:
-    message = WrenchStamped()
-    message.header.stamp, message.header.frame_id = stamp_to_ros(stamp_ns), frame
-    force, torque = message.wrench.force, message.wrench.torque
-    force.x, force.y, force.z, torque.x, torque.y, torque.z = estimate.wrench.tolist()
-    return message
-
-
-def _covariance_to_ros(stamp_ns: int, frame: str, estimate: WrenchEstimate) -> WrenchCovariance:
-    message = WrenchCovariance(unobservable=floats_to_ros(estimate.unobservable))
-    message.header.stamp, message.header.frame_id = stamp_to_ros(stamp_ns), frame
-    if estimate.covariance is None:
-        message.covariance[0] = UNKNOWN
-    else:
-        message.covariance[:] = estimate.covariance.ravel()
-    return message

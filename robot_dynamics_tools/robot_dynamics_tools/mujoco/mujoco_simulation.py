@@ -103,7 +103,10 @@ class MujocoSimulation:
             name, tuple(names) or own,
             tuple('prismatic' if slide else 'revolute' for slide in slides),
             self._effort_limits(ids), model.opt.gravity.copy())
-        self._switch_off(self._actuators_of(ids))
+        actuators = self._actuators_of(ids)  # are switched off
+        model.actuator_gaintype[actuators] = int(self._mj.mjtGain.mjGAIN_FIXED)
+        model.actuator_biastype[actuators] = int(self._mj.mjtBias.mjBIAS_NONE)
+        model.actuator_gainprm[actuators] = 0.0
         self._armature = model.dof_armature[self._v]
         self._home = self._initial(ids, position)
         self.reset()
@@ -158,12 +161,6 @@ class MujocoSimulation:
             gain = abs(float(model.actuator_gainprm[actuator, 0]))
             return gear * gain * float(np.abs(model.actuator_ctrlrange[actuator]).max())
         return math.inf
-
-    def _switch_off(self, actuators: IntArray) -> None:
-        model = self.model
-        model.actuator_gaintype[actuators] = int(self._mj.mjtGain.mjGAIN_FIXED)
-        model.actuator_biastype[actuators] = int(self._mj.mjtBias.mjBIAS_NONE)
-        model.actuator_gainprm[actuators] = 0.0
 
     def _initial(self, joints: IntArray, position: npt.ArrayLike | None) -> FloatArray:
         model = self.model

@@ -82,7 +82,8 @@ def solve(
         max(group.prior, (variance_groups.ASSUMED_NOISE * scale[group.joint])**2)
         for group in groups])
     freedom = np.ones(len(groups))
-    drive = _drive_information(scale, drive_covariance)
+    exact = np.concatenate([np.full_like(scale, _EXACT), _EXACT * scale])
+    drive = inverse_of(np.diag(exact**2) + drive_covariance)  # of effort scales and offsets
     count = variance_groups.unknown_count(n, rows.gram.shape[1])
     theta, inverse = np.zeros(count), inverse_of(
         _prior_information(groups, variances, band, scale, drive, count))
@@ -114,12 +115,6 @@ def _relative_residual(groups: list[Group], theta: FloatArray, n: int) -> FloatA
         power[group.joint] += group.gram[Column.EFFORT, Column.EFFORT]
     return np.asarray(np.sqrt(np.divide(
         squares, power, out=np.full(n, np.nan), where=power > 0.0)))
-
-
-def _drive_information(scale: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return the information matrix (2n, 2n) of the errors of effort scales and offsets."""
-    exact = np.concatenate([np.full_like(scale, _EXACT), _EXACT * scale])
-    return inverse_of(np.diag(exact**2) + covariance)
 
 
 def _prior_information(

@@ -147,7 +147,12 @@ def estimated_variances(
     """Return the variances of the groups and their degrees of freedom."""
     relative = np.array([scale[group.joint]**2 for group in groups])
     variances, freedom = np.zeros(len(groups)), np.zeros(len(groups))
-    remainder = _remainder_of_pairs(groups, squares, free)
+    # The friction of pairs relative to F², of all joints, because it depends on the controller:
+    # friction at rest is any part of F in the direction of approach.
+    pairs = [i for i, group in enumerate(groups) if group.kind == 'paired' and group.band > 0.0]
+    remainder = (sum(squares[i] / groups[i].band**2 for i in pairs)
+                 + _PAIRED_WEIGHT * BAND_VARIANCE * PAIRED_FRACTION**2) / (
+                     float(free[pairs].sum()) + _PAIRED_WEIGHT)
     for kinds in (('motion',), ('single', 'paired')):
         own = np.array([group.kind in kinds for group in groups])
         pooled = (float(np.sum(squares[own] / relative[own]))
@@ -155,21 +160,9 @@ def estimated_variances(
                       float(free[own].sum()) + _ASSUMED_WEIGHT)
         for i in np.flatnonzero(own).tolist():
             group = groups[i]
-            prior = remainder * group.band**2 if group.kind == 'paired' and group.band > 0.0 else (
+            prior = remainder * group.band**2 if i in pairs else (
                 group.prior if group.prior > 0.0 else pooled * relative[i])
             freedom[i] = free[i] + group.prior_weight
             variances[i] = max(
                 (squares[i] + group.prior_weight * prior) / freedom[i], group.least)
     return variances, freedom
-
-
-def _remainder_of_pairs(groups: list[Group], squares: FloatArray, free: FloatArray) -> float:
-    """
-    Return the variance of friction in pairs relative to F², from the residuals of all joints.
-
-    It depends on the controller: friction at rest is any part of F in the direction of approach.
-    """
-    own = [i for i, group in enumerate(groups) if group.kind == 'paired' and group.band > 0.0]
-    total = sum(squares[i] / groups[i].band**2 for i in own)
-    expected = _PAIRED_WEIGHT * BAND_VARIANCE * PAIRED_FRACTION**2
-    return float((total + expected) / (free[own].sum() + _PAIRED_WEIGHT))

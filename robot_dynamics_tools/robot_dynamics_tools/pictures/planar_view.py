@@ -55,7 +55,9 @@ class PlanarView:
         self._check_chain()
         zero = np.zeros(arm.joint_count)
         self._place(zero)
-        axes = self._axes()
+        # in the base frame, (n, 3), from the base on; Pinocchio returns a flat array for one joint
+        axes = np.asarray(pin.computeJointJacobians(
+            self._model, self._data, arm.coordinates.position(zero)).reshape(6, -1)[3:].T)
         sines = np.linalg.norm(np.cross(axes[:, None], axes), axis=2)
         if sines.max() > _PARALLEL:
             together = max(sines <= _PARALLEL, key=np.count_nonzero)
@@ -90,7 +92,8 @@ class PlanarView:
         alpha = np.array([data.oMi[i].rotation @ data.a[i].angular for i in joints])
         origin = np.array([pin.getClassicalAcceleration(
             model, data, i, pin.LOCAL_WORLD_ALIGNED).linear for i in joints])
-        points, coms = self._points(), self._coms()
+        points = self._points()
+        coms = np.array([data.oMi[i].act(model.inertias[i].lever) for i in joints])
         lever = coms - points[:-1]
         com = origin + np.cross(alpha, lever) + np.cross(omega, np.cross(omega, lever))
         pin.rnea(model, data, *state)
@@ -134,14 +137,6 @@ class PlanarView:
     def _place(self, q: FloatArray) -> None:
         pin.framesForwardKinematics(self._model, self._data, self.arm.coordinates.position(q))
 
-    def _axes(self) -> FloatArray:
-        """Return the axes of all joints in the base frame, from the base on, (n, 3)."""
-        columns = pin.computeJointJacobians(
-            self._model, self._data, self.arm.coordinates.position(
-                np.zeros(self.arm.joint_count)))
-        # Pinocchio returns a flat array for one joint.
-        return np.asarray(columns.reshape(6, -1)[3:].T)
-
     def _tool_frame(self, axis: FloatArray) -> int | None:
         """Return the frame on the last link that is farthest from its joint's axis, if any is."""
         best, farthest = None, _SHORTEST
@@ -175,11 +170,6 @@ class PlanarView:
         tip = data.oMf[self._tool].translation if self._tool is not None else (
             last.act(2.0 * self._model.inertias[self._count].lever))
         return np.array([*(data.oMi[i].translation for i in range(1, self._count + 1)), tip])
-
-    def _coms(self) -> FloatArray:
-        return np.array([
-            self._data.oMi[i].act(self._model.inertias[i].lever)
-            for i in range(1, self._count + 1)])
 
     def _in_plane(self, points: FloatArray, origin: FloatArray | None = None) -> FloatArray:
         return self._on_axes(points - (points[0] if origin is None else origin))

@@ -108,11 +108,9 @@ def _chosen(arm: ArmModel, joints: Sequence[str]) -> tuple[int, int]:
     if not joints:
         largest = np.argsort(-worst_gravity(arm, BRIEF).effort, kind='stable')[:2]
         return int(largest.min()), int(largest.max())
-    if len(joints) != 2:
-        raise InvalidInputError(
-            f'joints has {list(joints)}, expected two out of {list(arm.joint_names)}')
     check_unique('joints', joints)
-    return joint_index(arm, 'joints', joints[0]), joint_index(arm, 'joints', joints[1])
+    first, second = (joint_index(arm, 'joints', name) for name in joints)
+    return first, second
 
 
 def _inverse_dynamics(

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics_tools.pictures.planar_view import PlanarView
@@ -130,26 +131,11 @@ def _label_axes(axes: Any, arm: ArmModel, grid: PositionGrid) -> None:
         turns = arm.joint_kinds[joint] != 'prismatic'
         set_label(f'position of {arm.joint_names[joint]} [{"rad" if turns else "m"}]')
         if turns and np.ptp(values) > np.pi:
-            axis.set_ticks(*angle_ticks(float(values[0]), float(values[-1])))
+            axis.set_major_locator(optional('matplotlib.ticker', 'a figure').MultipleLocator(
+                0.5 * np.pi))
+            axis.set_major_formatter(
+                lambda value, _: f'{value / np.pi:.3g} π'.replace('-', '−'))
     axes.set_box_aspect(1.0)
-
-
-def angle_ticks(low: float, high: float) -> tuple[list[float], list[str]]:
-    """Return the multiples of π/2, or of π in a wide range, in [low, high], and their names."""
-    step = 1 if high - low <= 4.0 * np.pi + 1e-9 else 2
-    first = int(np.ceil(2.0 * low / np.pi - 1e-9))
-    last = int(np.floor(2.0 * high / np.pi + 1e-9))
-    counts = [count for count in range(first, last + 1) if count % step == 0]
-    return [0.5 * np.pi * count for count in counts], [_angle_name(count) for count in counts]
-
-
-def _angle_name(quarters: int) -> str:
-    if quarters == 0:
-        return '0'
-    sign = '−' if quarters < 0 else ''
-    size = abs(quarters)
-    number = size // 2 if size % 2 == 0 else size
-    return f'{sign}{"" if number == 1 else number}π' + ('' if size % 2 == 0 else '/2')
 
 
 def _draw_poses(axes: Any, arm: ArmModel, grid: PositionGrid, poses: FloatArray) -> None:

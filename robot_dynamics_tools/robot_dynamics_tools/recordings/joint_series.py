@@ -51,8 +51,7 @@ class JointSeries:
 
     def first(self, seconds: float) -> 'JointSeries':
         """Return the samples of the first `seconds` [s]."""
-        rows = np.arange(int(np.searchsorted(self.times, seconds, side='right')))
-        return self._chosen(rows, np.arange(len(self.joint_names)))
+        return self.at(np.arange(int(np.searchsorted(self.times, seconds, side='right'))))
 
     def stretches(self) -> list[IntArray]:
         """Return the rows of each stretch of samples without a gap."""
@@ -101,8 +100,7 @@ class JointSeries:
         columns = np.array([self.joint_names.index(name) for name in joint_names], dtype=np.intp)
         return self._chosen(np.arange(len(self.stamps_ns)), columns)
 
-    def _chosen(self, rows: IntArray, columns: IntArray) -> (
-            'JointSeries'):
+    def _chosen(self, rows: IntArray, columns: IntArray) -> 'JointSeries':
         def chosen(values: FloatArray | None) -> FloatArray | None:
             return None if values is None else np.asarray(values[np.ix_(rows, columns)])
 
@@ -194,7 +192,7 @@ class RecordedJointStates:
         periods = np.diff(kept)
         period = int(np.median(periods)) if len(periods) else 0
         faults = SampleFaults(
-            message_count=count, period_ns=period, gaps=gaps_between(kept, periods, period),
+            period_ns=period, gaps=gaps_between(kept, periods, period),
             duplicated_ns=stamps[places[repeated]],
             backward_ns=stamps[places[~advancing & ~repeated]],
             other_joints=count - len(stamps) - self.unreadable,

@@ -3,17 +3,15 @@
 
 """Messages of recordings, decoded and written by the library `rosbags`, as plain CDR."""
 
-from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.dependencies import optional
-from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics_tools.recordings.topics import common_types, DYNAMICS_TERMS, JOINT_STATE
+from robot_dynamics_tools.recordings.topics import common_types, JOINT_STATE
 
 FIELDS = ('position', 'velocity', 'effort')
-_TERMS = ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort')
 
 
 class RecordedState(NamedTuple):
@@ -56,50 +54,22 @@ def joint_state_messages(
     velocity: FloatArray | None = None, effort: FloatArray | None = None,
 ) -> list[bytes]:
     """Return m messages of sensor_msgs/msg/JointState; arrays are (m, n), or None for no field."""
-    m = len(stamps_ns)
-    arrays = [_checked(np.empty((m, 0)) if values is None else values, m)
-              for values in (position, velocity, effort)]
-    return [
-        _serialized(JOINT_STATE, header=header, name=list(joint_names),
-                    **dict(zip(FIELDS, values)))
-        for header, *values in zip(_headers(stamps_ns), *arrays)]
+    nothing = np.empty((len(stamps_ns), 0))
+    arrays = (nothing if values is None else values for values in (position, velocity, effort))
+    return stamped_messages(
+        JOINT_STATE, stamps_ns, dict(zip(FIELDS, arrays)), name=list(joint_names))
 
 
-def dynamics_terms_messages(
-    stamps_ns: IntArray, joint_names: Sequence[str], terms: Sequence[FloatArray],
-    kinetic_energy: FloatArray, potential_energy: FloatArray,
+def stamped_messages(
+    message_type: str, stamps_ns: IntArray, columns: Mapping[str, FloatArray], **fields: object,
 ) -> list[bytes]:
-    """
-    Return m messages of robot_dynamics_interfaces/msg/DynamicsTerms.
-
-    `terms` are inertial, coriolis, gravity, friction, external and effort, each (m, n); energies
-    are (m,) [J].
-    """
-    arrays = [_checked(values, len(stamps_ns)) for values in terms]
-    return [
-        _serialized(DYNAMICS_TERMS, header=header, joint_names=list(joint_names),
-                    kinetic_energy=kinetic, potential_energy=potential,
-                    **dict(zip(_TERMS, values)))
-        for header, kinetic, potential, *values in zip(
-            _headers(stamps_ns), kinetic_energy.tolist(), potential_energy.tolist(), *arrays)]
-
-
-def _serialized(message_type: str, **fields: Any) -> bytes:
-    message = common_types().types[message_type](**fields)
-    return bytes(common_types().serialize_cdr(message, message_type, little_endian=True))
-
-
-def _headers(stamps_ns: IntArray) -> Iterator[Any]:
-    """Yield a std_msgs/Header without a frame for each stamp."""
-    types = common_types().types
-    for stamp_ns in stamps_ns.tolist():
-        sec, nanosec = divmod(stamp_ns, NANOSECONDS_PER_SECOND)
-        yield types['std_msgs/msg/Header'](
-            stamp=types['builtin_interfaces/msg/Time'](sec=sec, nanosec=nanosec), frame_id='')
-
-
-def _checked(values: FloatArray, m: int) -> FloatArray:
-    if values.ndim != 2 or len(values) != m:
-        raise InvalidInputError(
-            f'values have the shape {values.shape}, expected ({m}, n), one row per stamp')
-    return values
+    """Return m messages with a header; `columns` (m, …) differ in each, `fields` do not."""
+    types, messages = common_types(), []
+    header, time = (types.types[name] for name in (
+        'std_msgs/msg/Header', 'builtin_interfaces/msg/Time'))
+    for stamp, *values in zip(stamps_ns.tolist(), *columns.values(), strict=True):
+        stamped = header(stamp=time(*divmod(stamp, NANOSECONDS_PER_SECOND)), frame_id='')
+        message = types.types[message_type](
+            header=stamped, **fields, **dict(zip(columns, values)))
+        messages.append(bytes(types.serialize_cdr(message, message_type, little_endian=True)))
+    return messages

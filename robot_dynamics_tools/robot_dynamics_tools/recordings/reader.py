@@ -50,7 +50,6 @@ class Recording(AbstractContextManager['Recording']):
         about = recording_files(path)
         self.notes: list[str] = list(about.notes)
         self._stated = about.stated
-        self._compared: set[str] = set()
         with ExitStack() as stack:
             try:
                 scratch = Path(stack.enter_context(TemporaryDirectory()))
@@ -99,16 +98,10 @@ class Recording(AbstractContextManager['Recording']):
             for message in stored.messages(topic):
                 yield message
                 count += 1
-        self._compare(topic, count)
-
-    def _compare(self, topic: str, count: int) -> None:
-        """Compare the number of messages with metadata.yaml."""
-        stated = self._stated.get(topic)
-        if topic in self._compared or stated is None or stated == count:
-            return
-        self._compared.add(topic)
-        self.notes.append(
-            f'{METADATA} states {stated} messages of {topic}, but {count} were found')
+        stated = self._stated.pop(topic, count)  # compared once
+        if stated != count:
+            self.notes.append(
+                f'{METADATA} states {stated} messages of {topic}, but {count} were found')
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
         """

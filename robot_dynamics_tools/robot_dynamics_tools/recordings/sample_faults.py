@@ -44,7 +44,6 @@ class SampleFaults:
     `arrival_times` no message had a stamp: the times are those at which they were recorded.
     """
 
-    message_count: int = 0
     period_ns: int = 0
     gaps: tuple[Gap, ...] = ()
     duplicated_ns: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))

@@ -45,9 +45,9 @@ def complete_commands(prefix: str, **_: object) -> list[str]:
     return list(command_modes())
 
 
-def complete_nodes(prefix: str, parsed_args: Namespace, **_: object) -> list[str]:
+def complete_nodes(prefix: str, **_: object) -> list[str]:
     """Return the `dynamics` nodes that run."""
-    return _asking(lambda client: client.nodes(), Namespace())
+    return _asking(DynamicsClient.nodes, Namespace())
 
 
 def complete_joints(

@@ -33,18 +33,8 @@ def joint_values(
         raise InvalidInputError(
             f'{field} has {plain!r} and {named[0]!r}, expected only numbers, or NAME=NUMBER '
             f'for each joint: {_in_words(names)}')
-    given = _by_name(field, named, names)
-    missing = [name for name in names if name not in given]
-    if missing and rest is None:
-        raise InvalidInputError(
-            f'{field} leaves out {_in_words(missing)}, expected every joint: {_in_words(names)}')
-    others = rest if isinstance(rest, Mapping) else dict.fromkeys(names, rest or 0.0)
-    return [given[name] if name in given else others[name] for name in names]
-
-
-def _by_name(field: str, texts: Sequence[str], names: Sequence[str]) -> Mapping[str, float]:
     given: dict[str, float] = {}
-    for text in texts:
+    for text in named:
         name, _, number = text.partition('=')
         if name not in names:
             raise InvalidInputError(
@@ -52,7 +42,12 @@ def _by_name(field: str, texts: Sequence[str], names: Sequence[str]) -> Mapping[
         if name in given:
             raise InvalidInputError(f'{field} has joint {name!r} twice, expected it once')
         given[name] = _number(f'{field} of {name}', number)
-    return given
+    missing = [name for name in names if name not in given]
+    if missing and rest is None:
+        raise InvalidInputError(
+            f'{field} leaves out {_in_words(missing)}, expected every joint: {_in_words(names)}')
+    others = rest if isinstance(rest, Mapping) else dict.fromkeys(names, rest or 0.0)
+    return [given[name] if name in given else others[name] for name in names]
 
 
 def _number(field: str, text: str) -> float:

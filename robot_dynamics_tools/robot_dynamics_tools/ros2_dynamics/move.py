@@ -107,14 +107,19 @@ class MotionWatch:
 
     # ------------------------------------------------------------------ waits
 
-    def wait_ready(self) -> None:
-        """Wait for the measured positions and for diagnostics; raise NoAnswerError."""
+    def wait_measured(self) -> None:
+        """Wait for the measured positions; raise NoAnswerError."""
         client = self._client
         if not client.wait(lambda: len(self.position) == len(self._names)):
             missing = ', '.join(name for name in self._names if name not in self.position)
             raise NoAnswerError(
                 f'no joint states of {missing} on {client.joint_state_topic()} in '
                 f'{client.timeout:g} s')
+
+    def wait_ready(self) -> None:
+        """Wait for the measured positions and for diagnostics; raise NoAnswerError."""
+        client = self._client
+        self.wait_measured()
         if not client.wait(lambda: self.rejections is not None):
             raise NoAnswerError(f'{client.name} sends no /diagnostics')
         if self._status != 'none':
@@ -269,7 +274,8 @@ def answer_pose(client: DynamicsClient, arguments: Namespace) -> Answer:
     message.header.frame_id = arguments.frame_id or client.base_link()
     place, turn = message.pose.position, message.pose.orientation
     place.x, place.y, place.z = arguments.translation
-    turn.x, turn.y, turn.z, turn.w = _quaternion(arguments.rpy) if arguments.rpy else [0.0] * 4
+    turn.x, turn.y, turn.z, turn.w = [0.0] * 4 if not arguments.rpy else pin.Quaternion(
+        pin.rpy.rpyToMatrix(*arguments.rpy)).coeffs().tolist()
     watch = MotionWatch(client, names, [kinds.get(name) == 'continuous' for name in names])
     with watch.following(), publication(client, PoseStamped, '~/pose_reference') as publish:
         watch.wait_ready()
@@ -279,11 +285,6 @@ def answer_pose(client: DynamicsClient, arguments: Namespace) -> Answer:
             return Answer(data, f'{client.name} moves to the pose')
         watch.wait_end(goal, lambda _: None)
         return _reached(watch, data, 'the pose', kinds)
-
-
-def _quaternion(rpy: Sequence[float]) -> list[float]:
-    """Return x y z w of R = R_z(yaw) R_y(pitch) R_x(roll), with angles [rad] as in a URDF."""
-    return list(pin.Quaternion(pin.rpy.rpyToMatrix(*rpy)).coeffs().tolist())
 
 
 def _reached(

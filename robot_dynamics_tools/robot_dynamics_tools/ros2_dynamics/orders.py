@@ -8,7 +8,6 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import InertiaStamped
 from lifecycle_msgs.srv import GetState
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware import diagnostics
@@ -123,8 +122,13 @@ def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
     if arguments.link and arguments.mass is None:
         raise InvalidInputError(f'LINK is {arguments.link!r} without a MASS, expected both')
     if arguments.link or arguments.clear:
-        request = SetPayload.Request(
-            payload=_payload_to_ros(arguments), transition_time=arguments.transition)
+        request = SetPayload.Request(transition_time=arguments.transition)
+        if arguments.link:
+            request.payload.header.frame_id, inertia = arguments.link, request.payload.inertia
+            inertia.m = arguments.mass
+            inertia.com.x, inertia.com.y, inertia.com.z = arguments.com
+            for name, value in zip(TENSOR, arguments.inertia):
+                setattr(inertia, name, value)
         response = client.call(SetPayload, 'set_payload', request)
         data = {'node': client.name, 'message': response.message,
                 'transition_time': arguments.transition, 'warnings': list(response.warnings)}
@@ -171,17 +175,6 @@ def answer_estimate_payload(client: DynamicsClient, arguments: Namespace) -> Ans
         text += ''.join(f'\n{line}' for line in (
             *response.advice, *response.remarks, *warning_lines(response.warnings)))
     return Answer(data, text)
-
-
-def _payload_to_ros(arguments: Namespace) -> InertiaStamped:
-    message = InertiaStamped()
-    if arguments.link:
-        message.header.frame_id, inertia = arguments.link, message.inertia
-        inertia.m = arguments.mass
-        inertia.com.x, inertia.com.y, inertia.com.z = arguments.com
-        for name, value in zip(TENSOR, arguments.inertia):
-            setattr(inertia, name, value)
-    return message
 
 
 def _payloads(client: DynamicsClient) -> list[dict[str, Any]]:

@@ -68,22 +68,16 @@ def answer_record(client: DynamicsClient, arguments: Namespace) -> Answer:
         {'topic': name, 'recorded': count.recorded,
          'lost': None if name in several else count.lost}
         for name, count in recorder.counts.items()]
-    return _report(client, directory, rows)
-
-
-def _report(
-    client: DynamicsClient, directory: Path, rows: Sequence[dict[str, str | int | None]],
-) -> Answer:
-    recorded = sum(int(row['recorded'] or 0) for row in rows)
-    lost = sum(int(row['lost'] or 0) for row in rows)
-    cells = [[str(row['topic']), str(row['recorded']), '-' if row['lost'] is None
-              else str(row['lost'])] for row in rows]
-    text = text_table(['topic', 'recorded', 'lost'], cells, left_columns=1)
-    if any(row['lost'] is None for row in rows):
+    recorded = sum(count.recorded for count in recorder.counts.values())
+    lost = sum(count.lost for name, count in recorder.counts.items() if name not in several)
+    text = text_table(['topic', 'recorded', 'lost'], [
+        ['-' if cell is None else str(cell) for cell in row.values()] for row in rows],
+        left_columns=1)
+    if several:
         text += '\n-: several publishers, whose losses cannot be counted'
     return Answer(
         {'node': client.name, 'directory': str(directory), 'recorded': recorded, 'lost': lost,
-         'topics': list(rows)},
+         'topics': rows},
         f'{text}\n{directory}: {recorded} messages recorded, {lost} lost')
 
 

@@ -9,14 +9,13 @@ from typing import Any
 
 from geometry_msgs.msg import Point
 import numpy as np
-from rclpy.qos import qos_profile_sensor_data
 from robot_dynamics.validation import LARGEST_VALUE
 from robot_dynamics_interfaces.srv import TaskSpace
 from robot_dynamics_tools.reporting.text_table import matrix_table, text_table
 from robot_dynamics_tools.ros2_dynamics.answers import Answer, Units, warning_lines
-from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
+from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 from robot_dynamics_tools.ros2_dynamics.joint_arguments import joint_values
-from sensor_msgs.msg import JointState
+from robot_dynamics_tools.ros2_dynamics.move import MotionWatch
 
 AXES = ('x', 'y', 'z', 'rx', 'ry', 'rz')
 MATRICES = {'jacobian': (6, -1), 'inverse_inertia': (6, 6), 'inertia': (6, 6),
@@ -87,14 +86,7 @@ def _listed(values: Sequence[float]) -> str:
 
 
 def _measured_position(client: DynamicsClient, names: Sequence[str]) -> list[float]:
-    measured: dict[str, float] = {}
-    topic = client.joint_state_topic()
-    with client.subscribed((
-            JointState, topic, lambda message: measured.update(
-                zip(message.name, message.position)), qos_profile_sensor_data)):
-        if not client.wait(lambda: set(names) <= set(measured)):
-            missing = ', '.join(name for name in names if name not in measured)
-            raise NoAnswerError(
-                f'no joint states of {missing} on {topic} in {client.timeout:g} s, expected '
-                'joint states, or a POSITION for each joint')
-    return [measured[name] for name in names]
+    watch = MotionWatch(client, names, [False] * len(names))
+    with watch.following():
+        watch.wait_measured()
+    return watch.measured()

@@ -73,7 +73,8 @@ class PageActions:
         """Text about the result of the newest action."""
         shown.panel.on = {
             'reference': self._wish, 'hold': self._hold, 'push': self._begin_push,
-            'reset': self._reset, 'attach': self._attach, 'detach': self._detach}
+            'reset': self._reset, 'attach': lambda: self._set_load(shown.panel.load[0]),
+            'detach': lambda: self._set_load(0.0)}
 
     def turn(self, q: FloatArray | None, v: FloatArray | None) -> None:
         """Continue the active actions; the arm is at q, v (n,), None if unknown."""
@@ -138,19 +139,11 @@ class PageActions:
 
     # ------------------------------------------------------------------ loads
 
-    def _attach(self) -> None:
-        mass, link = self._shown.panel.load
-        self._set_load(ball(link, mass))
-
-    def _detach(self) -> None:
-        self._set_load(ball(self._shown.panel.load[1], 0.0))
-
-    def _set_load(self, load: InertiaStamped) -> None:
-        is_for_controller, is_carried = self._shown.panel.load_is_for
-        for is_for, name in ((is_for_controller, self._node.dynamics),
-                             (is_carried, self._node.simulated_arm)):
+    def _set_load(self, mass: float) -> None:
+        panel, node = self._shown.panel, self._node
+        for is_for, name in zip(panel.load_is_for, (node.dynamics, node.simulated_arm)):
             if is_for:
-                self._node.set_payload(name, load, LOAD_TIME, self._take_answer)
+                node.set_payload(name, ball(panel.load[1], mass), LOAD_TIME, self._take_answer)
 
     def _take_answer(self, words: str) -> None:
         self.answer = words

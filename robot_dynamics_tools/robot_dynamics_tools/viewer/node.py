@@ -72,16 +72,13 @@ class ViewerNode:
     def _keep(self, field: str) -> Callable[[Any], None]:
         def keep(message: Any) -> None:
             self._turned = True
-            if field == 'diagnostics' and not self._is_of_dynamics(message):
+            service = self.node.resolve_service_name(f'{self.dynamics}/get_parameters')
+            if field == 'diagnostics' and not any(status.name.startswith(
+                    f'{service.rpartition("/")[0]}: ') for status in message.status):
                 return  # from another node
             setattr(self._received, field, message)
 
         return keep
-
-    def _is_of_dynamics(self, message: DiagnosticArray) -> bool:
-        service = self.node.resolve_service_name(f'{self.dynamics}/get_parameters')
-        full_name = service.rpartition('/')[0]
-        return any(status.name.startswith(f'{full_name}: ') for status in message.status)
 
     def receive(self) -> SimpleNamespace:
         """

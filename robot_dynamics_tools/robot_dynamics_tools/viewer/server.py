@@ -66,7 +66,9 @@ def start_server(host: str, port: int, title: str, token: str) -> Any:
     server.gui.main_panel.dock_right()
     # Without a graphics card, shadows take most of the time of a browser.
     server.scene.configure_default_lights(cast_shadow=False)
-    _never_share(server)
+    # a page must not ask viser for a public address of this server
+    server._websock_server.unregister_handler(
+        optional('viser._messages', 'the viewer').ShareUrlRequest)
     return server
 
 
@@ -192,8 +194,3 @@ def _tolerate_races() -> None:
 
     AsyncMessageBuffer.push = push_and_wake
 
-
-def _never_share(server: 'viser.ViserServer') -> None:
-    """Disable the request of a page for a public address of this server through viser."""
-    import viser._messages as messages
-    server._websock_server.unregister_handler(messages.ShareUrlRequest)

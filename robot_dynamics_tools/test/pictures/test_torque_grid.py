@@ -92,7 +92,6 @@ def test_without_names_the_joints_with_the_most_gravity_are_taken():
 
 
 @pytest.mark.parametrize(('joints', 'position', 'message'), [
-    (('joint1',), (), "joints has ['joint1'], expected two out of ['joint1', 'joint2']"),
     (('joint1', 'joint1'), (), "joints has 'joint1' twice"),
     ((), (1.0,), "position has 1 values, expected 2, one for each of ['joint1', 'joint2']"),
     ((), (1.0, np.nan), 'position[1] (joint2) is nan'),

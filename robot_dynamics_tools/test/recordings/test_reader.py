@@ -13,10 +13,7 @@ import pytest
 from recordings import serialized
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics_tools.recordings.joint_series import JointSeries
-from robot_dynamics_tools.recordings.messages import (
-    dynamics_terms_messages,
-    joint_state_messages,
-)
+from robot_dynamics_tools.recordings.messages import joint_state_messages, stamped_messages
 from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.recordings.topics import DYNAMICS_TERMS, JOINT_STATE, TopicQos
 from robot_dynamics_tools.recordings.writer import RecordingWriter
@@ -26,6 +23,8 @@ from rosbags.highlevel import AnyReader  # noqa: E402
 from rosbags.interfaces import QosDurability, QosReliability  # noqa: E402
 from rosbags.rosbag2 import Writer  # noqa: E402
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores  # noqa: E402
+
+EFFORTS = ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort')
 
 
 def joint_state(stamp_ns, names, position=(), velocity=(), effort=()):
@@ -38,8 +37,10 @@ def joint_state(stamp_ns, names, position=(), velocity=(), effort=()):
 
 def terms(stamp_ns, effort):
     """Return serialized terms, all of which are `effort`."""
-    (data,) = dynamics_terms_messages(
-        np.array([stamp_ns]), ('a', 'b'), 6 * [np.array([effort])], np.zeros(1), np.zeros(1))
+    (data,) = stamped_messages(
+        DYNAMICS_TERMS, np.array([stamp_ns]), {
+            **dict.fromkeys(EFFORTS, np.array([effort])), 'kinetic_energy': np.zeros(1),
+            'potential_energy': np.zeros(1)}, joint_names=['a', 'b'])
     return data
 
 
