@@ -21,6 +21,8 @@ from robot_dynamics.control.trajectory_goal import (
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 
+PAUSE = Ending(Kind.HOLD, 'the stream of set-points paused for more than reference_timeout')
+
 
 class GoalExecution:
     """
@@ -51,7 +53,7 @@ class GoalExecution:
     def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
         """Follow a trajectory as `ControlLoop.follow` does."""
         epoch = self.epoch
-        self._start(trajectory, self._controller.prepare(trajectory), stamp_ns, epoch)
+        self._start(trajectory, self._prepared(trajectory), stamp_ns, epoch)
 
     def execute(
         self, trajectory: JointTrajectory, stamp_ns: int, tolerances: Tolerances | None,
@@ -63,7 +65,7 @@ class GoalExecution:
         `epoch` is that in which the goal was sent, by default the current one.
         """
         epoch = epoch or self.epoch
-        prepared = self._controller.prepare(trajectory)
+        prepared = self._prepared(trajectory)
         if round(prepared[1], 2) > 1.0:
             raise TrajectoryError(
                 f'the trajectory would take {prepared[1]:.3g} times its duration, expected the '
@@ -77,13 +79,20 @@ class GoalExecution:
                 when_done)
             return self.goal
 
+    def _check_obstacle(self) -> None:
+        if obstacle := self._obstacle():
+            raise TrajectoryError(f'no reference can be followed now: {obstacle}')
+
+    def _prepared(self, trajectory: JointTrajectory) -> Prepared:
+        self._check_obstacle()
+        return self._controller.prepare(trajectory)
+
     def _start(
         self, trajectory: JointTrajectory, prepared: Prepared, stamp_ns: int, epoch: object,
         latest: float = math.inf,
     ) -> None:
         with self._controller.lock:
-            if obstacle := self._obstacle():
-                raise TrajectoryError(f'no reference can be followed now: {obstacle}')
+            self._check_obstacle()
             if epoch is not self.epoch:
                 raise TrajectoryError(self._revoked)
             self._controller.start(prepared, stamp_ns, latest)
@@ -97,8 +106,9 @@ class GoalExecution:
         self.epoch, self._revoked = object(), reason
 
     def end(self, ending: Ending) -> None:
-        """End the goal, and refuse the references that were sent before."""
-        self.refuse(ending.reason)
+        """End the goal; unless a stream paused, refuse the references that were sent before."""
+        if ending is not PAUSE:
+            self.refuse(ending.reason)
         self.stream.end()
         if self._controller.trajectory is not None:
             self.interruption = ending.reason
@@ -131,5 +141,4 @@ class GoalExecution:
     def pause(self) -> Ending:
         """Count a stream of set-points that has paused; return its ending."""
         self.paused_streams += 1
-        return Ending(
-            Kind.HOLD, 'the stream of set-points paused for more than reference_timeout')
+        return PAUSE

@@ -79,7 +79,8 @@ def test_without_ffmpeg_the_way_out_is_named(monkeypatch, tmp_path):
 
 
 def test_without_pillow_it_is_named(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, 'PIL', None)
+    for name in ('PIL', 'PIL.Image'):
+        monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(MissingDependencyError, match='Pillow'):
         write_video(tmp_path / 'x.gif', [Frame(bar(3), 0.1)])
 
