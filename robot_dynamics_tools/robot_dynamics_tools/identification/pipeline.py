@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
@@ -36,6 +37,7 @@ from robot_dynamics_tools.identification.model_selection import (
 from robot_dynamics_tools.identification.qr_information import merge, QrInformation
 from robot_dynamics_tools.identification.recording_agreement import (
     contradicting_recordings,
+    difference_from_urdf,
     far_from_urdf,
     gravity_ratios,
     USUAL_REGULARIZATION,
@@ -56,7 +58,9 @@ class Identification:
     `gains` are the gains of the drives if the effort was interpreted as a current;
     `seeming_gains` are the gains that would result from this interpretation. `recordings` are the
     tested recordings. With `is_cross_validated`, no samples were left for the test, and `tests`
-    have the residual on the cross-validation folds. `contradictions` are those of all recordings.
+    have the residual on the cross-validation folds. `difference` (b,) is that of the bodies
+    of the consistent set from the URDF (`recording_agreement`); `contradictions` are those of all
+    recordings.
     """
 
     arm: ArmModel
@@ -68,6 +72,7 @@ class Identification:
     gains: GainEstimate | None
     seeming_gains: GainEstimate
     recordings: tuple[steps.EvaluatedRecording, ...]
+    difference: FloatArray
     contradictions: tuple[str, ...] = ()
     is_cross_validated: bool = False
 
@@ -183,6 +188,7 @@ def identify_recordings(
         recording.shown.position[::_EVERY] for recording in evaluated]))
     return Identification(
         arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated),
+        difference_from_urdf(models.consistent, models.problem.prior),
         far_from_urdf(arm.joint_names, ratios), is_cross_validated)
 
 

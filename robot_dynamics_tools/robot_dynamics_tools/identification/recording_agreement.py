@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Which recordings one model cannot describe together, and whether a model is far from the URDF.
+Which recordings one model cannot describe together, and how far a model is from the URDF.
 
 Recordings of one arm with one load have a common model, whose residual is hardly larger than that
 of one model per recording (G. C. Chow, Econometrica 28(3), 1960). The recording without which the
@@ -14,10 +14,17 @@ from collections.abc import Sequence
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.pseudo_inertia import COUNT, pseudo_inertia_matrix
 from robot_dynamics.model.regressor import inertial_parameters, TorqueRegressor
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
 from robot_dynamics_tools.identification.qr_information import QrInformation
-from robot_dynamics_tools.identification.regularized_fit import Fit, grams_of, Problem, solve
+from robot_dynamics_tools.identification.regularized_fit import (
+    Fit,
+    grams_of,
+    Prior,
+    Problem,
+    solve,
+)
 
 LEAST_RATIO = 2.0
 """Ratio of the residuals of a common model and of separate ones that is a contradiction."""
@@ -32,6 +39,7 @@ ln 2 is two standard deviations of a URDF whose masses are wrong by a third, all
 USUAL_REGULARIZATION = 10.0
 """κ of a URDF that is wrong by about a third."""
 _LEAST_SHARE = 0.1
+_LEAST_EIGENVALUE = 1e-9
 
 
 def contradicting_recordings(parts: Sequence[QrInformation], problem: Problem) -> dict[int, str]:
@@ -67,6 +75,27 @@ def contradicting_recordings(parts: Sequence[QrInformation], problem: Problem) -
         found.update(dict.fromkeys(odd, text))
         left = [i for i in left if i not in odd]
     return found
+
+
+def difference_from_urdf(fit: Fit, prior: Prior) -> FloatArray:
+    """
+    Return how much each body of a consistent fit differs from that of the URDF, (b,).
+
+    This is the RMS of the logarithms of the eigenvalues of P₀⁻¹ P, with the pseudo-inertias P of
+    the fit and P₀ of the URDF: ln 2 for a body of twice the density. (T. Lee, F. C. Park, IEEE
+    Robotics and Automation Letters 3(3), 2018.)
+    """
+    differences = []
+    for phi, L in zip(fit.parameters.reshape(-1, COUNT), prior.roots):
+        inverse = np.linalg.inv(L)
+        ratios = np.linalg.eigvalsh(inverse @ pseudo_inertia_matrix(phi) @ inverse.T)
+        differences.append(np.sqrt(np.mean(np.log(np.maximum(ratios, _LEAST_EIGENVALUE))**2)))
+    return np.array(differences)
+
+
+def factor_of(difference: FloatArray) -> float:
+    """Return the typical factor between the bodies of these differences (b,) and the URDF."""
+    return float(np.exp(np.sqrt(np.mean(difference**2))))
 
 
 def gravity_ratios(arm: ArmModel, fit: Fit, q: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics_tools.identification import identified_arm, summary
@@ -142,6 +143,7 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
             'deviation_by_noise': json_numbers(gains.noise),
             'is_known': gains.is_known.tolist(),
             'is_confounded_with_masses': gains.is_confounded.tolist()},
+        'factor_to_urdf': np.exp(identification.difference).tolist(),
         'contradictions': summary.contradiction_lines(found),
         'warnings': summary.warnings(identification),
     }

@@ -20,6 +20,7 @@ from robot_dynamics_tools.identification.drive_gains import GainEstimate, MASS_E
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
 from robot_dynamics_tools.identification.pipeline import Identification
+from robot_dynamics_tools.identification.recording_agreement import factor_of
 from robot_dynamics_tools.reporting.text_table import percent, Rows
 
 MODELS = {
@@ -76,7 +77,16 @@ def fact_rows(found: BagIdentification) -> Rows:
         ('condition number', f'{identification.estimate.condition:.3g} of their columns'),
         ('regularisation towards the URDF',
          f'κ = {identification.models.problem.regularization:g}, chosen by cross-validation'),
+        ('bodies by those of the URDF', _bodies(identification)),
     ]
+
+
+def _bodies(identification: Identification) -> str:
+    difference = identification.difference
+    names = list(identification.arm.pinocchio_model.names)[1:]
+    most = int(np.argmax(difference))
+    return (f'a factor of {factor_of(difference):.3g}, the body of {names[most]} '
+            f'{factor_of(difference[[most]]):.3g}')
 
 
 def noise_rows(found: BagIdentification) -> Rows:
