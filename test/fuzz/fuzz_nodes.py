@@ -48,6 +48,10 @@ DEFAULTS: Values = {
 SPEC = {spec.name: spec for spec in SPECS}
 
 
+class _Services(GuardedCallbacks):
+    NAME = 'services'
+
+
 class RunningNodes:
     """Context manager: both nodes, and for each arm a node with the services."""
 
@@ -77,7 +81,7 @@ class RunningNodes:
     def _serve(self, name: str, controller: Controller) -> None:
         self._controllers[name] = controller
         if name not in self._servers:
-            node = self._servers[name] = GuardedCallbacks(f'services_of_{name}')
+            node = self._servers[name] = _Services(namespace=f'of_{name}')
             keeper = PayloadKeeper(node, lambda: DEFAULTS)
             DynamicsServices(node, keeper, lambda: self._controllers[name])
 

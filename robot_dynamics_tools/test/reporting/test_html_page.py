@@ -55,7 +55,8 @@ def figures():
 
 
 def test_without_bokeh_the_static_figure_remains_with_the_command(monkeypatch):
-    monkeypatch.setitem(sys.modules, 'bokeh', None)
+    for name in ['bokeh', *(name for name in sys.modules if name.startswith('bokeh.'))]:
+        monkeypatch.setitem(sys.modules, name, None)
     head, added = figures()
     assert head == ''
     assert added.startswith('<div class="static wide"><img alt="what"')
