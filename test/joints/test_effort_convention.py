@@ -157,6 +157,3 @@ def test_joint_and_command_keep_within_their_limits(compensates, scale, target):
     assert output.command[inside] == pytest.approx(output.terms.effort[inside])
     clamped = np.zeros(2, dtype=bool) if output.clamped is None else output.clamped
     assert clamped.tolist() == (~inside).tolist()
-
-
-# --- the simulated robot -------------------------------------------------------------------------

@@ -134,6 +134,3 @@ def test_other_processes_get_the_same_friction():
     v, load = np.array([0.3, -0.02]), np.array([4.0, -7.0])
     copied = pickle.loads(pickle.dumps(EVERY_TERM))
     assert copied.effort(v, load).tolist() == EVERY_TERM.effort(v, load).tolist()
-
-
-# --- energy --------------------------------------------------------------------------------------

@@ -112,6 +112,14 @@ def test_a_motion_is_judged_between_its_points():
     assert motion_excesses(ARM, at_limit) == []
 
 
+def test_the_extrema_of_a_motion_are_exact():
+    """The cubic 12 s (1 − s)² has its maximum 16/9 at s = 1/3."""
+    beyond = trajectory([0.0, 0.0], [0.0, 0.0], velocities=[[12.0, 0.0], [0.0, 0.0]])
+    assert motion_excesses(ARM, beyond) == [
+        "position of 'joint1' is 1.77778 at 0.333333 s, outside its limits [-1, 1.5]",
+        "velocity of 'joint1' is 12 at 0 s, outside its limits [-10, 10]"]
+
+
 # --- the controller ------------------------------------------------------------------------------
 
 def controller(**changes: Any) -> Controller:

@@ -119,9 +119,9 @@ def samples_of(case: Case, kind: str) -> Samples:
     return motion(case, 20.0) if kind == 'motion' else holds(case, 8, kind == 'pairs')
 
 
-def motion(case: Case, seconds: float, rate: float = RATE) -> Samples:
+def motion(case: Case, seconds: float) -> Samples:
     """Return a sum of sines."""
-    states = fourier_motion(case.arm, rate, seconds, case.seed)
+    states = fourier_motion(case.arm, RATE, seconds, case.seed)
     return Samples(states.times, states.q, states.v, states.a, np.full(states.q.shape, np.nan))
 
 
