@@ -55,8 +55,6 @@ def test_gains_that_oscillate_are_refused(ratio):
 @pytest.mark.parametrize('field', ['natural_frequency', 'damping_ratio'])
 @pytest.mark.parametrize(('value', 'words'), [
     ([1.0, 2.0], 'has 2 values, expected 3, one for each of'),
-    ([1.0] * 4, 'has 4 values, expected 3'),
-    ([-1.0], 'expected no value below 0'),
     ([1.0, 2.0, -1e-9], 'expected no value below 0'),
     ([float('nan')], 'is nan, expected a finite number'),
     ([1.0, float('inf'), 1.0], r'\[1\] \(elbow\) is inf'),

@@ -3,15 +3,9 @@
 
 """From a measured state to efforts, without ROS: modes, limits, references, payloads."""
 
-from collections import Counter
-import threading
-import time
 
-from children import LONG
 from controller_bench import (
     ARM,
-    gravity_with,
-    LOAD,
     make_controller,
     NAMES,
     NOW,
@@ -64,34 +58,3 @@ def test_another_command_ends_the_reference(mode):
     output = update(controller, NOW, Q, ZERO)
     assert output.reference is None
     assert output.command.tolist() == output.holding_effort().tolist()
-
-
-# --- threads -------------------------------------------------------------------------------------
-
-def test_changes_from_another_thread_never_mix():
-    """While one thread replaces loads and modes, each effort is that of one of the two loads."""
-    controller = make_controller()
-    allowed = [gravity_with([]), gravity_with([LOAD])]
-    stop = threading.Event()
-
-    def change() -> None:
-        while not stop.is_set():
-            controller.set_payloads([LOAD], 0.0, lambda _: None)
-            controller.set_options(options(command='gravity_compensation'))
-            controller.set_payloads([], 0.0, lambda _: None)
-            controller.set_options(options())
-
-    thread = threading.Thread(target=change)
-    thread.start()
-    seen: Counter[int] = Counter()
-    deadline = time.monotonic() + LONG
-    try:
-        while min(seen[0], seen[1]) < 500 and time.monotonic() < deadline:
-            effort = update(controller, NOW + seen.total(), Q, ZERO).command
-            far = [np.abs(effort - one).max() for one in allowed]
-            assert min(far) < 1e-9
-            seen[int(np.argmin(far))] += 1
-    finally:
-        stop.set()
-        thread.join()
-    assert min(seen[0], seen[1]) >= 500

@@ -4,14 +4,13 @@
 """The gravity torque as hold, discarded references, and non-finite efforts."""
 
 
-from controller_bench import ARM, LIMIT, make_controller, NOW, Q, set_point, update, ZERO
+from controller_bench import LIMIT, make_controller, NOW, Q, set_point, update, ZERO
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.control.control_output import NonFiniteEffortError
 from robot_dynamics.joints.effort_convention import EffortConvention
-from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 
 LOAD = make_payload('tool0', 5.0, (0.05, 0.0, 0.1), np.diag((0.01, 0.02, 0.02)))
@@ -22,17 +21,6 @@ angles = st.lists(st.floats(-np.pi, np.pi), min_size=2, max_size=2).map(np.array
 
 
 # --- the hold ------------------------------------------------------------------------------------
-
-@few
-@given(angles, angles, angles)
-def test_the_hold_is_the_gravity_torque_for_any_reference(q, v, goal):
-    one, gravity = make_controller(), ArmDynamics(ARM).rigid_body.gravity(q)
-    assert update(one, NOW, q, v).holding_effort() == pytest.approx(gravity)
-    one.follow(set_point(goal), 0)
-    output = update(one, NOW, q, v)
-    assert output.computed_torque is not None
-    assert output.holding_effort() == pytest.approx(gravity)
-
 
 @few
 @given(angles, st.floats(0.0, 1.0), st.sampled_from(['computed_torque', 'gravity_compensation']),

@@ -12,11 +12,8 @@ import pytest
 from robot_dynamics.control.safety.effort_bounds import (
     EffortBounds,
     NOTHING,
-    robot_effort,
     RobotEffort,
 )
-from robot_dynamics.joints.effort_calibration import make_effort_calibration
-from robot_dynamics.joints.effort_convention import EffortConvention
 
 LIMIT = np.array([10.0, 40.0, np.inf])
 FAR = 1e6
@@ -96,15 +93,3 @@ def test_efforts_within_the_scaled_limits_are_clear(efforts, scale):
             math.isfinite(x) and abs(x) <= limit for x, limit in zip(effort, bounds.scaled))
         with np.errstate(invalid='ignore'):
             assert bounds.range.contains(list(effort)) == is_within
-
-
-@pytest.mark.parametrize('compensates', [(), ('gravity',), ('friction',), ('gravity', 'friction')])
-@pytest.mark.parametrize('scale', [1.0, 2.0])
-def test_the_command_lacks_exactly_what_the_robot_adds(compensates, scale):
-    gravity, friction, effort = np.array([3.0, -7.0]), np.array([0.5, 0.2]), np.array([5.0, 1.0])
-    robot = robot_effort(
-        EffortConvention(robot_compensates=compensates), gravity, friction,
-        make_effort_calibration(['a', 'b'], [scale]))
-    added = scale * (
-        gravity * ('gravity' in compensates) + friction * ('friction' in compensates))
-    assert robot.command(effort) == pytest.approx(effort - added)

@@ -7,11 +7,10 @@ Hand guiding in closed loop: the push that it needs, rest after it, speed, posit
 Friction yields before it slides (`bristled_arm`), and the loop knows it, or too much of it.
 """
 
-from dataclasses import replace
 from typing import Any
 
 from bristled_arm import BristledArm, Case, COULOMB
-from lock_step_loop import directions, FIRST_STAMP, LockStep, middle, MS, smooth_arm
+from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
@@ -109,19 +108,6 @@ def test_gravity_is_that_of_the_position_at_which_the_effort_acts():
     q, v = np.array([0.8, 0.5]), np.array([0.3, -0.2])
     assert answer_in_motion(arm, q, v).output.law.gravity == pytest.approx(
         ArmDynamics(arm).gravity(q + 0.009 * v), abs=1e-9)
-
-
-def test_leaving_the_mode_holds_the_arm():
-    one = LockStep(smooth_arm('panda'), command='hand_guiding')
-    one.v = 0.2 * directions(7)
-    one.run(0.2)
-    assert one.loop.reference is None
-    supervisor, options = one.loop.supervisor, one.loop.controller.options
-    one.loop.set_options(replace(options, command='computed_torque'), supervisor.limiter.limits,
-                         supervisor.options)
-    one.run(2.0)
-    held = one.q
-    assert np.abs(one.run(1.0).q - held).max() < 1e-4
 
 
 @pytest.mark.parametrize(('value', 'words'), [

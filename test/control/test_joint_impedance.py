@@ -7,14 +7,13 @@ from collections.abc import Mapping
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, smooth_arm
+from lock_step_loop import FIRST_STAMP, middle, MS, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.payload import make_payload
 
 SLOW_ROTORS = 5.0
 """[kg·m²]: no mode of 400 N·m/rad exceeds 9 rad/s."""
@@ -65,16 +64,6 @@ def test_every_mode_is_critically_damped_and_none_is_too_fast(name, seed, stiffn
     assert pytest.approx(K.T, abs=1e-4 * stiffness) == K
     assert np.linalg.solve(M, D) @ modes == pytest.approx(
         modes * (2.0 * omega), abs=1e-3 * omega.max())
-
-
-def test_an_unknown_load_sags_by_its_weight_over_the_stiffness():
-    arm = smooth_arm('default').with_reflected_inertia(SLOW_ROTORS)
-    loaded = arm.with_payloads([make_payload('tool0', 1.0)])
-    one = LockStep(arm, true_arm=loaded, q=np.array([0.8, 0.5]), command='joint_impedance',
-                   parameters={'impedance.stiffness': 400.0})
-    one.run(4.0)
-    g = [ArmDynamics(each).rigid_body.gravity(one.q) for each in (loaded, arm)]
-    assert one.loop.reference.position - one.q == pytest.approx((g[0] - g[1]) / 400.0, rel=1e-3)
 
 
 def test_the_default_stiffness_takes_the_effort_limit_at_an_error_of_a_quarter():

@@ -81,17 +81,6 @@ def test_after_a_fault_the_arm_stops_and_is_held(name, cause):
     assert one.loop.goals.interruption == ''
 
 
-def test_a_latched_fault_holds_the_arm_and_waits_for_a_reset():
-    one = in_motion()
-    one.loop.end(one.now, Ending.by(Fault('broken', 'words', latched=True)))
-    trace = one.run(2.0)
-    assert one.loop.supervisor.mode is Mode.FAULT
-    assert trace.speed[-1] < 0.1  # damped, without a position
-    assert one.loop.reset() == (True, 'reset broken: words')
-    assert rests(one.run(2.0))
-    assert one.loop.reference is not None
-
-
 def next_loop(before: ControlLoop, arm: ArmModel) -> ControlLoop:
     limits, old = arm.limits, before.supervisor
     return ControlLoop(
@@ -136,22 +125,6 @@ def test_the_next_model_of_the_same_joints_continues_without_a_step():
 
 
 # --- streams, stops and states -------------------------------------------------------------------
-
-def test_a_stream_that_pauses_ends_with_a_stop():
-    one = LockStep(arm_named('default'), q=Q)
-    one.run(0.1)
-    for k in range(1, 30):
-        one.loop.follow(make_trajectory(
-            one.arm.joint_names, [0.0], [Q + 0.4 * 0.02 * k], [[0.4, 0.4]]))
-        last = one.run(0.02)
-    assert last.speed[-1] > 0.3
-    assert one.loop.goals.paused_streams == 0
-    trace = one.run(2.0)
-    assert one.loop.goals.paused_streams == 1
-    assert 'paused' in one.loop.goals.interruption
-    assert rests(trace)
-    assert trace.speed.max() < 1.1 * last.speed[-1]
-
 
 def test_a_stop_in_a_fault_is_a_hold_after_it():
     one = in_motion()

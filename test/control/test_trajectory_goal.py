@@ -223,16 +223,6 @@ def test_the_fault_determines_the_code_not_its_message(bench, name, code):
     assert bench.loop.goals.goal is None
 
 
-def test_a_gap_of_the_joint_states_does_not_end_the_goal(bench):
-    goal = bench.loop.execute(plan(bench), 0, tight(bench))
-    bench.run(0.5)
-    sensor, bench.sensor = bench.sensor, None
-    bench.run(0.042)
-    bench.sensor = sensor
-    bench.run(1.4)
-    assert goal.result.code is ResultCode.SUCCESSFUL
-
-
 # ---------------------------------------------------------------------- refusals
 
 def test_a_plan_that_would_be_slowed_down_is_refused(bench):

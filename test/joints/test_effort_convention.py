@@ -115,8 +115,6 @@ def test_the_command_and_what_the_robot_adds_are_computed_torque(compensates):
     assert output.command + added == pytest.approx(output.computed_torque)
     terms = output.terms
     assert terms.effort == pytest.approx(output.command)
-    assert terms.effort == pytest.approx(
-        terms.inertial + terms.coriolis + terms.gravity + terms.friction + terms.external)
     for name in compensates:
         assert getattr(terms, name).tolist() == [0.0, 0.0]
 
@@ -159,22 +157,3 @@ def test_joint_and_command_keep_within_their_limits(compensates, scale, target):
     assert output.command[inside] == pytest.approx(output.terms.effort[inside])
     clamped = np.zeros(2, dtype=bool) if output.clamped is None else output.clamped
     assert clamped.tolist() == (~inside).tolist()
-
-
-# --- the simulated robot -------------------------------------------------------------------------
-
-def test_a_robot_that_is_at_its_own_limit_is_not_pushed_against():
-    """If g(q) exceeds the limit, the command may be 0, and may reduce the load of the robot."""
-    urdf = default_arm_urdf().replace('effort="150.0"', 'effort="30.0"')
-    arm = load_arm(urdf)
-    assert arm.limits.effort[0] == 30.0 < abs(G[0])
-    controller = Controller(arm, ControllerOptions(
-        make_gains(NAMES), effort_convention=EffortConvention(robot_compensates=('gravity',))))
-    rest = update(controller, 1, Q, ZERO)
-    assert rest.command.tolist() == [0.0, 0.0]
-    assert rest.clamped is None
-    for step, expected in ((-0.1, 0.0), (0.1, 30.0)):  # g(q) is negative
-        controller.follow(make_trajectory(
-            NAMES, [0.0], [Q + [step, 0.0]], [ZERO], [], NAMES), 0)
-        output = update(controller, 2, Q, ZERO)
-        assert output.command[0] == expected

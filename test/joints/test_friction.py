@@ -12,18 +12,10 @@ import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_friction
 from robot_dynamics.joints.friction_terms import smooth_sign
-from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.planar.urdf import planar_arm_urdf
-from simulated_arms import released
 
 laws = settings(deadline=None, derandomize=True, max_examples=50)
 
 NAMES = ('joint1', 'joint2')
-
-
-def two_links(**friction: list[float]) -> ArmModel:
-    arm = load_arm(planar_arm_urdf([5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05]))
-    return arm.with_friction(make_friction(arm.joint_names, **friction))
 
 
 # --- the curve -----------------------------------------------------------------------------------
@@ -142,16 +134,3 @@ def test_other_processes_get_the_same_friction():
     v, load = np.array([0.3, -0.02]), np.array([4.0, -7.0])
     copied = pickle.loads(pickle.dumps(EVERY_TERM))
     assert copied.effort(v, load).tolist() == EVERY_TERM.effort(v, load).tolist()
-
-
-# --- energy --------------------------------------------------------------------------------------
-
-def test_the_stribeck_effect_does_not_cost_the_method_its_accuracy():
-    arm = two_links(
-        viscous=[0.5, 0.2], coulomb=[1.0, 0.5], static=[2.0, 1.0], stribeck_velocity=[0.02])
-
-    def end(step: float) -> np.ndarray:
-        simulation = released(arm, (2.5, 0.8), (0.5, -1.0), max_step=step)
-        return np.concatenate(simulation.step(np.zeros(2), 0.6))
-
-    assert end(2e-3) == pytest.approx(end(4e-4), abs=1e-6)

@@ -12,15 +12,13 @@ from engine_cases import (
     assert_same_motion,
     ENGINES,
     make_case,
-    moving_joints,
     plain,
-    with_friction,
     with_payloads,
 )
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload, Payload
 from robots import robot_urdf
 
@@ -94,19 +92,3 @@ def test_payloads(engine, robot):
         assert_near(ours.mass_matrix(q), theirs.mass_matrix(q), 'M')
         assert_near(ours.gravity(q), theirs.gravity(q), 'g')
         assert_same_motion(ours.forward_dynamics(q, v, tau), theirs, state)
-
-
-def test_friction(engine, robot):
-    """Damping is that of the engine, and Coulomb friction that of the power at each joint."""
-    urdf = robot_urdf(robot)
-    tree, rng = list(moving_joints(urdf)), np.random.default_rng(13)
-    damping, coulomb = rng.uniform(0.1, 5.0, len(tree)), rng.uniform(0.1, 5.0, len(tree))
-    urdf = with_friction(urdf, dict(zip(tree, damping)), dict(zip(tree, coulomb)))
-    case = make_case(engine, urdf, damping=True)
-    dynamics, theirs = ArmDynamics(case.arm), case.reference
-    for state in case.states(5):
-        q, v, a, tau = state
-        dry = theirs.G.T @ (coulomb * np.sign(theirs.G @ v))
-        assert_near(
-            dynamics.inverse_dynamics(q, v, a), theirs.inverse_dynamics(q, v, a) + dry, 'tau')
-        assert_same_motion(dynamics.forward_dynamics(q, v, tau + dry), theirs, state)

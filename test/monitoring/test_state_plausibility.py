@@ -210,13 +210,6 @@ def test_a_clock_that_is_set_with_the_stamps_resets_or_continues(jump):
         assert judgement == StateVerdict(True, None, 'first state')
 
 
-def test_stamps_far_ahead_reset_the_time():
-    one = Watched(max_age=0.0)
-    one.judge(0.0)
-    assert one.confirmed(LONGEST_GAP + 1.0, 0.01) == StateVerdict(
-        True, None, 'stamp jumped ahead')
-
-
 @pytest.mark.parametrize('is_lock_step', [True, False])
 def test_a_first_state_of_time_0_that_is_repeated_is_new_only_if_0_may_mean_no_stamp(is_lock_step):
     """In lock-step it is published until it is answered, and must be one state."""

@@ -62,22 +62,6 @@ def test_whenever_it_is_retargeted_position_velocity_and_acceleration_are_contin
         t += pause
 
 
-@laws
-@given(st.lists(st.tuples(angles, st.floats(0.0, 1.0)), min_size=2, max_size=5),
-       st.floats(0.0, 1.0))
-def test_goals_at_any_time_are_reached_within_the_limits(sent, wait):
-    one, t, limits = generator(), 0.0, limits_of()
-    for goal, pause in sent:
-        active = one.start(set_point(goal, wait=wait), ns(t), ZERO, ZERO)
-        # A goal at the reference needs no motion.
-        found = samples(one, t, max((active.end_ns - NOW) / SECOND, t + 0.01))
-        for values, most in ((found.v, limits.velocity), (found.a, limits.acceleration)):
-            assert (np.abs(values) <= TOLERANCE * most).all()
-        assert found.jerk <= TOLERANCE * 90.0
-        assert active.sample(active.end_ns).position == pytest.approx(goal)
-        t += pause
-
-
 def test_without_limits_trajectories_are_followed_as_they_are():
     one = ReferenceGenerator(NAMES, (), None)
     one.start(set_point((1.0, 2.0)), NOW, ZERO, ZERO)

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -180,28 +179,6 @@ def test_energy_never_grows_without_input(data):
         before, left = left, sum(simulation.energy) - simulation.work
         assert left <= before + 1e-7 * scale
         assert np.abs(simulation.presliding_state).max() <= 1.0
-
-
-def test_the_state_is_that_of_the_identification():
-    """Along the simulated positions, `presliding_state` has the deflections of the simulation."""
-    d, h = np.array([3e-3, 1e-2]), 1e-3
-    arm = rubbing(ARM, coulomb=[4.0, 1.5], presliding_distance=d.tolist())
-    simulation = released(arm, [0.4, -0.7])
-    q, v, z = [], [], []
-    for k in range(1000):
-        goal = np.array([0.4, -0.7]) + [0.2, 0.3] * np.sin(0.006 * k * np.array([1.0, 1.7]))
-        effort = ArmDynamics(ARM).rigid_body.gravity(simulation.q) + (
-            np.array([2000.0, 400.0]) * (goal - simulation.q) - [200.0, 30.0] * simulation.v)
-        simulation.step(effort, h)
-        q.append(simulation.q.copy())
-        v.append(simulation.v.copy())
-        z.append(simulation.presliding_state)
-    expected = presliding_state(np.array(q), np.array(v), d)
-    # the state before the motion, which the identification does not know, ends with the first slip
-    difference = np.abs(np.array(z) - expected)[300:]
-    assert np.abs(z).max(axis=0) == pytest.approx([1.0, 1.0])
-    assert (np.abs(z) < 0.9).mean() > 0.02
-    assert difference.max() < 0.01
 
 
 # --- operation -----------------------------------------------------------------------------------

@@ -55,15 +55,3 @@ def test_on_a_slope_it_slides_from_the_angle_of_friction_on(fraction):
         assert (q.tolist(), v.tolist()) == ([0.0], [0.0])
     else:
         assert v == pytest.approx([0.5 * (9.81 * np.sin(slope) - DRY / MASS)], rel=1e-4)
-
-
-def test_viscous_friction_adds_its_exponential():
-    """From m v̇ = −F_c − F_v v: the block stops after m/F_v ln(1 + F_v v_0/F_c)."""
-    viscous, v0 = 2.0, 1.5
-    until = MASS / viscous * np.log(1.0 + viscous * v0 / DRY)
-    way = MASS / viscous * (v0 - DRY / MASS * until)
-    simulation = moving(velocity=v0, coulomb=DRY, viscous=viscous)
-    assert simulation.step(np.zeros(1), until - 1e-6).velocity[0] > 0.0
-    q, v = simulation.step(np.zeros(1), 2e-6)
-    assert v.tolist() == [0.0]
-    assert q == pytest.approx([way], rel=1e-11)

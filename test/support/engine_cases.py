@@ -47,18 +47,6 @@ def with_payloads(urdf: str, payloads: Sequence[Payload]) -> str:
     return ElementTree.tostring(root, encoding='unicode')
 
 
-def with_friction(urdf: str, damping: dict[str, float], coulomb: dict[str, float]) -> str:
-    """Return the URDF with this friction at every movable joint."""
-    root = ElementTree.fromstring(urdf)
-    for joint in root.findall('joint'):
-        if (name := joint.attrib['name']) in damping:
-            for old in joint.findall('dynamics'):
-                joint.remove(old)
-            ElementTree.SubElement(joint, 'dynamics', {
-                'damping': str(damping[name]), 'friction': str(coulomb[name])})
-    return ElementTree.tostring(root, encoding='unicode')
-
-
 def with_other_relations(urdf: str, rng: np.random.Generator) -> str:
     """Return the URDF with unusual relations of mimic joints; the last one refers to the first."""
     root = ElementTree.fromstring(urdf)
@@ -153,10 +141,10 @@ class Case:
             for link in links]
 
 
-def make_case(engine: str, urdf: str, *, theirs: str = '', damping: bool = False) -> Case:
+def make_case(engine: str, urdf: str, *, theirs: str = '') -> Case:
     """Return an arm and the engine of one description, or of the description `theirs`."""
     arm = load_arm(urdf)
-    reference = ENGINES[engine](theirs or urdf, damping)
+    reference = ENGINES[engine](theirs or urdf)
     projection = tree_map(urdf, arm.joint_names, reference.joint_names)
     return Case(arm, RigidBody(arm), Projected(reference, *projection), generator(urdf))
 

@@ -36,16 +36,15 @@ class PointMotion(NamedTuple):
     bias: Array
 
 
-def bare_urdf(urdf: str, damping: bool) -> ElementTree.Element:
+def bare_urdf(urdf: str) -> ElementTree.Element:
     """Return links with their inertials, and joints without limits or mimic; nothing else."""
-    tags = ('origin', 'parent', 'child', 'axis', *(('dynamics',) if damping else ()))
     root = ElementTree.fromstring(urdf)
     bare = ElementTree.Element('robot', {'name': 'robot'})
     for link in root.findall('link'):
         ElementTree.SubElement(bare, 'link', link.attrib).extend(link.findall('inertial'))
     for joint in root.findall('joint'):
         copy = ElementTree.SubElement(bare, 'joint', joint.attrib)
-        for tag in tags:
+        for tag in ('origin', 'parent', 'child', 'axis'):
             copy.extend(joint.findall(tag))
     return bare
 
@@ -56,11 +55,10 @@ class Engine:
 
     An engine builds its model from `self.bare`, and has `inverse_dynamics`, `mass_matrix`, and the
     `point_motion` of a point in the frame of its link; Drake also has the energies.
-    With `damping`, inverse dynamics include D v with the damping of the description.
     """
 
-    def __init__(self, urdf: str, damping: bool = False) -> None:
-        self.bare = bare_urdf(urdf, damping)
+    def __init__(self, urdf: str) -> None:
+        self.bare = bare_urdf(urdf)
         joints = self.bare.findall('joint')
         self.joint_names = [j.attrib['name'] for j in joints if j.attrib['type'] in MOVING]
         self.build()

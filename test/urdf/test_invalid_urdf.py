@@ -86,10 +86,8 @@ def test_message_on_what_is_no_tree(more, words):
     ('<limit lower="inf" upper="inf"/>', 'lower=inf, upper=inf, expected a range that holds a '
      'position in [-1e+09, 1e+09]'),
     ('<limit lower="-pi" upper="2"/>', "lower='-pi', expected a number"),
-    ('<limit velocity="NaN"/>', "velocity='NaN', expected a number"),
     ('<limit effort="a lot"/>', "effort='a lot', expected a number"),
     ('<dynamics friction="-1"/>', 'friction=-1, expected a number >= 0'),
-    ('<dynamics damping="inf"/>', 'damping=inf, expected a number >= 0'),
     ('<axis xyz="0 0 0"/>', 'axis is zero, expected a direction'),
     ('<axis xyz="0 1"/>', "xyz='0 1', expected three numbers"),
     ('<origin xyz="0 nan 1"/>', "origin: xyz='0 nan 1', expected three numbers"),
@@ -105,7 +103,6 @@ def test_message_on_an_element_of_a_joint(element, words):
     (f'<mass value="-2"/>{INERTIA}', 'mass is -2, expected a number >= 0'),
     (f'<mass value="inf"/>{INERTIA}', 'mass is inf, expected a number >= 0'),
     (MASS + INERTIA.replace(' iyz="0"', ''), 'iyz is nan, expected a number'),
-    (MASS + INERTIA.replace('izz="1"', 'izz="inf"'), 'izz is inf, expected a number'),
     (MASS + INERTIA.replace('ixx="1"', 'ixx="nan"'), "ixx='nan', expected a number"),
     (f'<origin xyz="0 0"/><mass value="1"/>{INERTIA}',
      "origin: xyz='0 0', expected three numbers"),

@@ -71,17 +71,6 @@ def test_a_motion_keeps_all_limits_and_moves_every_joint(name, duration):
     assert motion.worst_joint in arm.joint_names
 
 
-@pytest.mark.parametrize('name', [DEFAULT, 'panda'])
-def test_velocity_is_the_derivative_of_position_and_smooth(name):
-    motion = make_reference_motion(arm_called(name), 4.0)
-    h = 1e-3
-    q, v, a = sample_trajectory(motion.trajectory, np.arange(0.0, 4.0, h))
-    np.testing.assert_allclose(np.gradient(q, h, axis=0)[1:-1], v[1:-1], atol=1e-4)
-    np.testing.assert_allclose(np.gradient(v, h, axis=0)[1:-1], a[1:-1], atol=2e-3)
-    # A step in acceleration would cause a difference that does not decrease with h.
-    assert np.abs(np.diff(a, axis=0)).max() < 0.1
-
-
 @settings(max_examples=20)
 @given(st.floats(0.5, 60.0), st.lists(st.floats(0.3, 3.0), min_size=1, max_size=4))
 def test_any_planar_arm_any_duration(duration, lengths):

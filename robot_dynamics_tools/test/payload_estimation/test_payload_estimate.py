@@ -11,7 +11,6 @@ from payload_bench import (
     CUTOFF,
     errors_in_deviations,
     estimated,
-    estimated_from_raw_samples,
     hidden_load,
     holds,
     measured,
@@ -43,13 +42,6 @@ def test_a_hidden_load_is_recovered(name, kind):
     check_recovery(case, estimate)
     assert estimate.is_observable
     assert (estimate.pairs > estimate.singles) == (kind == 'pairs')
-
-
-def test_a_hidden_load_is_recovered_from_raw_samples():
-    case = hidden_load('ur10', seed=2, friction=0.02)
-    estimate = estimated_from_raw_samples(case, 20.0)
-    check_recovery(case, estimate)
-    assert max(map(abs, errors_in_deviations(case, estimate).values())) < 4.0
 
 
 def estimate_of(case: Case, kind: str) -> PayloadEstimate:

@@ -5,15 +5,12 @@
 
 from typing import NamedTuple
 
-from arm_motions import fourier_motion, States
-from identification_bench import series_of
+from arm_motions import fourier_motion
 import numpy as np
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model import ArmModel, make_payload, Payload, RigidBody
 from robot_dynamics.model.regressor import LoadRegressor
-from robot_dynamics_tools.analysis.motion_filter import filter_motion_below
 from robot_dynamics_tools.payload_estimation import PayloadEstimate, PayloadEstimator
-from robot_dynamics_tools.payload_estimation.recordings import add_motion
 from robots import arm_without_gripper, effort_limit
 
 LINKS = {'ur10': 'tool0', 'panda': 'panda_hand', 'xarm7': 'link7', 'default': 'tool0'}
@@ -122,9 +119,9 @@ def samples_of(case: Case, kind: str) -> Samples:
     return motion(case, 20.0) if kind == 'motion' else holds(case, 8, kind == 'pairs')
 
 
-def motion(case: Case, seconds: float, rate: float = RATE) -> Samples:
+def motion(case: Case, seconds: float) -> Samples:
     """Return a sum of sines."""
-    states = fourier_motion(case.arm, rate, seconds, case.seed)
+    states = fourier_motion(case.arm, RATE, seconds, case.seed)
     return Samples(states.times, states.q, states.v, states.a, np.full(states.q.shape, np.nan))
 
 
@@ -154,20 +151,6 @@ def estimated(
     estimator = PayloadEstimator(case.arm, case.link, CUTOFF)
     estimator.add(samples.t, samples.q, samples.v, samples.a, effort)
     return estimator.estimate(with_advice)
-
-
-def estimated_from_raw_samples(case: Case, seconds: float) -> PayloadEstimate:
-    """Return the estimate from a motion with white noise at 200 Hz, as it is recorded."""
-    samples = motion(case, seconds, 200.0)
-    rng = np.random.default_rng(case.seed + 30_000)
-    effort = measured(case, samples, noise=0.0)
-    effort += 0.01 * effort_limit(case.arm) * rng.normal(size=effort.shape)
-    filtered = filter_motion_below(series_of(case.arm, States(
-        samples.t, samples.q + 2e-5 * rng.normal(size=effort.shape),
-        samples.v + 1e-3 * rng.normal(size=effort.shape), samples.a), effort), CUTOFF)
-    estimator = PayloadEstimator(case.arm, case.link, filtered.cutoff_hz)
-    add_motion(estimator, filtered)
-    return estimator.estimate()
 
 
 def errors_in_deviations(case: Case, estimate: PayloadEstimate) -> dict[int, float]:
