@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The shell blocks of README, typed word for word in a fresh clone, in turn.
+The shell blocks of README and tutorial, typed word for word in a fresh clone, in turn.
 
 The home directory is new; pip and uv use their caches. A node gets a separate terminal, and ends
 with Ctrl-C. `test_pages_run.py` compares results with what the pages state.
@@ -44,19 +44,22 @@ pytestmark = [
 
 
 class Section(NamedTuple):
-    """A heading of a page with the commands of its blocks."""
+    """A heading of a page with the commands of its blocks, and the files that it shows by name."""
 
     heading: str
     commands: list[str]
+    files: dict[str, str]
 
 
 def sections(page: Path) -> list[Section]:
     found: list[Section] = []
     for heading, language, text in PART.findall(page.read_text(encoding='utf-8')):
         if heading:
-            found.append(Section(heading, []))
+            found.append(Section(heading, [], {}))
         elif language == 'bash':
             found[-1].commands.extend(COMMAND.findall(text))
+        elif named := re.match(r'# (\w+\.\w+)\n', text):
+            found[-1].files[named[1]] = text
     return found
 
 
@@ -149,3 +152,18 @@ def test_the_commands_of_readme(clone, environment):
         count += len(section.commands)
     assert count > 25
     assert (clone / 'my_recording').is_dir()
+
+
+def test_the_commands_of_the_tutorial(clone, environment):
+    directory, count = clone.parent / 'home' / 'tutorial', 0
+    directory.mkdir()
+    with Typist(directory, environment, f'source {clone}/scripts/activate') as typist:
+        for section in sections(clone / 'docs' / 'tutorial.md'):
+            for name, text in section.files.items():
+                (directory / name).write_text(text, encoding='utf-8')
+            for command in section.commands:
+                typist.type(command)
+            count += len(section.commands)
+        typist.end_nodes()
+    assert count > 10
+    assert (directory / 'identified' / 'identified.yaml').is_file()
