@@ -120,9 +120,9 @@ def _candidates(
 def _information_rows(arm: ArmModel, q: FloatArray, gravity: FloatArray) -> FloatArray:
     """Return the Jacobian (m, n, 2n + 3) of the effort, each column of size 1."""
     J = joint_columns(gravity, 1.0, gravity_regressor(arm, q)[:, :, -3:])
-    noise = np.where(  # of each joint is proportional to its effort limit
-        np.isfinite(arm.limits.effort), arm.limits.effort,
-        np.maximum(np.abs(gravity).max(axis=0), 1e-9))
+    limit = arm.limits.effort  # the noise of each joint is proportional to it
+    noise = np.where(
+        np.isfinite(limit) & (limit > 0.0), limit, np.maximum(np.abs(gravity).max(axis=0), 1e-9))
     J *= 1.0 / noise[:, None]
     size = np.sqrt((J**2).sum(axis=1).mean(axis=0))
     return np.asarray(np.divide(J, size, out=np.zeros_like(J), where=size > 1e-9 * size.max()))
