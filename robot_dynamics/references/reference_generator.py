@@ -42,7 +42,7 @@ from robot_dynamics.trajectories.joint_trajectory import (
 from robot_dynamics.validation import check_vector, LARGEST_VALUE
 
 SET_POINT_MAX_AGE_NS = NANOSECONDS_PER_SECOND
-"""[ns] until which a set-point is due now: a sender with a clock of its own is always late."""
+"""[ns] until which a set-point is due now: a sender with another clock is always late."""
 LONGEST_PERIOD = 0.5
 """Largest interval [s] between two set-points of one stream."""
 HORIZON = 0.1

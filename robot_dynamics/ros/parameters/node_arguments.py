@@ -62,8 +62,8 @@ def outside_of_ros_args(arguments: Sequence[str]) -> list[str]:
     """
     Return the arguments that are not between `--ros-args` and `--` or the end.
 
-    They include `NAME:=VALUE`, which `rclpy.utilities.remove_ros_args` takes for a renamed topic:
-    the user means a parameter.
+    They include `NAME:=VALUE`: the user means a parameter, but `rclpy.utilities.remove_ros_args`
+    interprets it as a renamed topic.
     """
     others, is_of_ros = [], False
     for argument in arguments:
