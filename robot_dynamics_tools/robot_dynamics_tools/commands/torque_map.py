@@ -112,7 +112,7 @@ def _workspace(
     on_computed()
     figure = workspace_figure(
         f'{arm.name}{load}: gravity as a share of the effort limits, at the positions of {link}',
-        found)
+        arm, link, found)
     return figure, f'{100.0 * found.held:.1f} % of the positions tried can be held'
 
 

@@ -17,7 +17,7 @@ from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
-from robot_dynamics.model.worst_gravity import sample_positions
+from robot_dynamics.model.worst_gravity import sample_positions, worst_gravity
 from robot_dynamics_tools.pictures.planar_view import PlanarView
 from robot_dynamics_tools.pictures.stick_figure import side_view, StickFigure
 from robot_dynamics_tools.reporting import figures
@@ -100,33 +100,47 @@ def _places(arm: ArmModel, points: FloatArray) -> tuple[FloatArray, bool]:
     return np.column_stack([np.linalg.norm(away, axis=1), height]), False
 
 
-WIDTH, HEIGHT = 10.4, 5.8
-"""[inch]"""
+WIDTH, MAP_HEIGHT, BAR_HEIGHT, BAR_ROOM = 10.4, 5.8, 0.3, 0.9
+"""[inch]; BAR_ROOM is the height of the bars' title and axis."""
+CHARACTER = 0.01
+"""Width of a character of a label, as a fraction of the width of the bars, rounded up."""
 _PERCENT = 100.0
 
 
-def workspace_figure(title: str, found: WorkspaceGravity) -> Any:
+def workspace_figure(title: str, arm: ArmModel, link: str, found: WorkspaceGravity) -> Any:
     """
-    Return a matplotlib figure: the worst and the best pose by position.
+    Return a matplotlib figure: the worst and the best pose by position, and bars by joint.
 
-    The maps and their edges are smoothed. Raises MissingDependencyError without matplotlib.
+    The maps and their edges are smoothed. The worst pose of all, from the search of
+    `worst_gravity`, is drawn at its position. Raises MissingDependencyError without matplotlib.
     """
-    with figures.styled_figure(WIDTH, HEIGHT, style={'hatch.color': figures.VERMILION}) as figure:
+    worst = worst_gravity(arm)
+    bars = BAR_ROOM + BAR_HEIGHT * arm.joint_count
+    with figures.styled_figure(
+            WIDTH, MAP_HEIGHT + bars, style={'hatch.color': figures.VERMILION}) as figure:
         figure.suptitle(figures.wrapped_title(title, WIDTH))
-        most, least = figure.subplots(1, 2)
+        grid = figure.add_gridspec(2, 2, height_ratios=(MAP_HEIGHT, bars))
+        most, least = (figure.add_subplot(grid[0, column]) for column in range(2))
+        joints = figure.add_subplot(grid[1, :])
         top = max(float(np.nanmax(found.most)), 1e-9)
-        _draw_places(most, found, found.most, top, 'Worst pose at each position')
+        _draw_places(
+            most, found, found.most, top, 'Worst pose at each position',
+            '; black: the worst pose of all' if found.is_plane else '')
         image = _draw_places(least, found, found.least, top, 'Best pose at each position')
         bar = figure.colorbar(image, ax=[most, least], shrink=0.9, aspect=26, pad=0.01)
         bar.set_label('largest share of an effort limit [%]')
         bar.outline.set_visible(False)
         if top > 1.0:
             bar.ax.axhline(_PERCENT, color=figures.VERMILION, linewidth=2.6)
+        if found.is_plane:
+            q = worst.position[int(np.argmax(worst.effort / arm.limits.effort))]
+            _draw_pose(most, arm, link, q)
+        _draw_joints(joints, arm, worst.effort)
     return figure
 
 
 def _draw_places(
-    axes: Any, found: WorkspaceGravity, ratios: FloatArray, top: float, title: str,
+    axes: Any, found: WorkspaceGravity, ratios: FloatArray, top: float, title: str, note: str = '',
 ) -> Any:
     size = float(found.up[1] - found.up[0]) / FINE
     smooth, reached = smoothed(ratios)
@@ -147,8 +161,8 @@ def _draw_places(
     axes.set(xlabel='x [m]' if found.is_plane else 'distance from the vertical [m]',
              ylabel='height [m]')
     axes.grid(False)
-    figures.title_axes(axes, title, 'hatched: above an effort limit' if beyond else (
-        'within the effort limits everywhere'))
+    figures.title_axes(axes, title, ('hatched: above an effort limit' if beyond else (
+        'within the effort limits everywhere')) + note)
     return image
 
 
@@ -169,3 +183,37 @@ def smoothed(cells: FloatArray) -> tuple[FloatArray, FloatArray]:
     reached = blurred(known.astype(float))
     values = blurred(np.where(known, cells, 0.0))
     return values / np.maximum(reached, 1e-12), reached
+
+
+def _draw_pose(axes: Any, arm: ArmModel, link: str, q: FloatArray) -> None:
+    points = StickFigure(arm, link).points(q)
+    flat = points @ side_view(arm, points).T
+    for colour, width in (('white', 4.2), (figures.BLACK, 1.8)):
+        axes.plot(flat[:, 0], flat[:, 1], color=colour, linewidth=width, marker='o',
+                  markersize=1.4 * width, zorder=2.2)
+
+
+def _draw_joints(axes: Any, arm: ArmModel, efforts: FloatArray) -> None:
+    ratios = _PERCENT * efforts / arm.limits.effort
+    names = arm.joint_names
+    places = np.arange(len(names))[::-1]
+    colours = [figures.VERMILION if ratio > _PERCENT else figures.BLUE for ratio in ratios]
+    axes.barh(places, ratios, 0.62, color=colours)
+    axes.axvline(_PERCENT, color=figures.BLACK, linewidth=1.4, linestyle=(0, (4, 2)))
+    axes.set_yticks(places, names)
+    axes.set_ylim(-0.6, len(names) - 0.4)
+    axes.grid(axis='y', visible=False)
+    right = 1.25 * max(float(ratios.max()), _PERCENT)
+    axes.set(xlim=(0.0, right), xlabel='share of the effort limit [%]')
+    for place, ratio, effort, limit, kind in zip(
+            places, ratios, efforts, arm.limits.effort, arm.joint_kinds):
+        unit = 'N' if kind == 'prismatic' else 'N·m'
+        of = f' of {limit:g} {unit}' if np.isfinite(limit) else f' {unit}, no limit'
+        label = f'{round(float(effort), 6) + 0.0:.3g}{of}'
+        start = ratio + 0.02 * right
+        if start < _PERCENT < start + CHARACTER * len(label) * right:  # it would cross the limit
+            start = _PERCENT + 0.02 * right
+        axes.text(
+            start, place, label, va='center', fontsize=10,
+            bbox={'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0})
+    figures.title_axes(axes, 'Largest gravity effort of each joint; dashed: its limit')
