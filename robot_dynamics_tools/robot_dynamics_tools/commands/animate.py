@@ -55,6 +55,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--from', **options.number(0.0, 'S', 'Start time in the recording [s]', dest='start'))
     parser.add_argument('--duration', **options.number(5.0, 'S', 'Duration of the motion [s]'))
+    parser.add_argument('--speed', **options.number(
+        None, 'X', 'Playback speed as a multiple of real time (default: '
+        f'{SIMULATED_SPEED:g}, for a recording {RECORDED_SPEED:g})'))
     parser.add_argument('--rate', **options.number(12.0, 'HZ', 'Frame rate [Hz]'))
     parser.add_argument('--stop', **options.number(
         None, 'S', 'Times of the pauses that show the passes of the recursion [s]; no pause '
@@ -68,7 +71,9 @@ def _run(arguments: argparse.Namespace) -> int:
     duration = check_scalar('--duration', arguments.duration, 0.1, LONGEST_DURATION)
     rate = check_scalar('--rate', arguments.rate, 1.0, 50.0)
     recorded = arguments.bag is not None
-    speed = RECORDED_SPEED if recorded else SIMULATED_SPEED
+    speed = arguments.speed if arguments.speed is not None else (
+        RECORDED_SPEED if recorded else SIMULATED_SPEED)
+    speed = check_scalar('--speed', speed, 0.01, 100.0)
     if arguments.topic is not None and not recorded:
         raise InvalidInputError(
             '--topic is given without a recording; it is a topic of the recording')

@@ -24,10 +24,12 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model_check.html_page import Verdict
 from robot_dynamics.tools import command_line
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools import options
 from robot_dynamics_tools.pictures import torque_grid
+from robot_dynamics_tools.pictures.map_report import map_page, panel_verdict, workspace_verdicts
 from robot_dynamics_tools.pictures.stick_figure import tool_link
 from robot_dynamics_tools.pictures.torque_map import even_poses, map_figure, MapPanel, POSES
 from robot_dynamics_tools.pictures.workspace_map import map_gravity, workspace_figure
@@ -35,8 +37,10 @@ from robot_dynamics_tools.reporting.figures import save_figure
 from robot_dynamics_tools.reporting.progress import Progress
 
 GRAVITY, INERTIA, MOTION, WORKSPACE = 'gravity', 'inertia', 'motion', 'workspace'
-FORMATS = ('.png', '.pdf', '.svg')
+PAGE = '.html'
+FORMATS = ('.png', '.pdf', '.svg', PAGE)
 MOST_SAMPLES = 1001
+DEFAULT_ARM = 'the planar two-link arm of this package'
 STEPS = 3
 """Steps of the progress display: computed, drawn, written."""
 
@@ -72,11 +76,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--samples', **options.number(
         torque_grid.SAMPLES, 'N', 'Number of positions of each of the two joints', int))
     options.add_output(parser, 'FILE', (
-        f'Output file: {", ".join(FORMATS)} (default: out/<name of the arm>_<what>.png)'))
-    return options.run_tool(parser, _run, argv)
+        f'Output file: {", ".join(FORMATS)}; {PAGE} is a report with a verdict per joint '
+        '(default: out/<name of the arm>_<what>.png)'))
+    return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     if arguments.output is not None and arguments.output.suffix.lower() not in FORMATS:
         raise InvalidInputError(
             f'the figure is {str(arguments.output)!r}, expected a name that ends in one of '
@@ -94,10 +99,16 @@ def _run(arguments: argparse.Namespace) -> int:
     command_line.prepare_file(output, arguments.force)
     with Progress(STEPS, 'steps') as progress:
         draw = _workspace if arguments.what == WORKSPACE else _map
-        figure, said = draw(arguments, arm, load, progress.advance)
+        figure, said, verdicts = draw(arguments, arm, load, progress.advance)
         progress.advance()
         with command_line.writing(output):
-            save_figure(figure, output)
+            if output.suffix.lower() == PAGE:
+                origin = command_line.origin_of('torque_map', argv, arguments.urdf, DEFAULT_ARM)
+                output.write_text(map_page(
+                    f'{arm.name}{load}: {arguments.what}', verdicts, figure, origin),
+                    encoding='utf-8')
+            else:
+                save_figure(figure, output)
         progress.advance()
     print(f'{output.resolve()}: {said}')
     return command_line.DONE
@@ -105,21 +116,22 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _workspace(
     arguments: argparse.Namespace, arm: ArmModel, load: str, on_computed: Callable[[], object],
-) -> tuple[Any, str]:
-    """Return the figure of a map over the workspace, and its summary."""
+) -> tuple[Any, str, list[Verdict]]:
+    """Return the figure of a map over the workspace, its summary, and the verdicts."""
     link = arguments.link or tool_link(arm)
     found = map_gravity(arm, link)
     on_computed()
     figure = workspace_figure(
         f'{arm.name}{load}: gravity as a share of the effort limits, at the positions of {link}',
         arm, link, found)
-    return figure, f'{100.0 * found.held:.1f} % of the positions tried can be held'
+    said = f'{100.0 * found.held:.1f} % of the positions tried can be held'
+    return figure, said, workspace_verdicts(arm, found)
 
 
 def _map(
     arguments: argparse.Namespace, arm: ArmModel, load: str, on_computed: Callable[[], object],
-) -> tuple[Any, str]:
-    """Return the figure of a map over two joints, and its summary."""
+) -> tuple[Any, str, list[Verdict]]:
+    """Return the figure of a map over two joints, its summary, and the verdicts."""
     samples = int(check_scalar('--samples', arguments.samples, 3, MOST_SAMPLES))
     grid = torque_grid.make_grid(arm, arguments.joints, arguments.position, samples)
     named = [torque_grid.joint_index(arm, '--at', name) for name in arguments.at]
@@ -129,9 +141,10 @@ def _map(
     panels = [_panel(arguments.what, arm, joint, values[..., joint]) for joint in shown]
     poses = even_poses(grid, POSES) if arguments.pose is None else np.array(arguments.pose)
     figure = map_figure(f'{arm.name}{load}: {title}', arm, grid, panels, poses)
-    return figure, ', '.join(
+    said = ', '.join(
         f'{panel.title} from {panel.values.min():.4g} to {panel.values.max():.4g} {panel.unit}'
         for panel in panels)
+    return figure, said, [panel_verdict(panel) for panel in panels]
 
 
 def _values(

@@ -8,9 +8,12 @@ import re
 import numpy as np
 import numpy.testing as npt
 import pytest
+from report_page import ReportPage
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model_check.html_page import Grade
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_tools.commands.torque_map import main
+from robot_dynamics_tools.pictures.map_report import panel_verdict
 from robot_dynamics_tools.pictures.torque_grid import gravity_efforts, make_grid
 from robot_dynamics_tools.pictures.torque_map import map_figure, MapPanel
 from robots import robot_path
@@ -81,7 +84,6 @@ def test_without_a_limit_that_matters_nothing_is_hatched(grid):
     (['--urdf', 'PANDA', '--joints', 'panda_joint2', 'panda_joint4', '--at', 'panda_joint1',
       'panda_joint2', 'panda_joint4', 'panda_finger_joint1', '--samples', '15'],
      'Effort at panda_finger_joint1 from .* N'),
-    (['workspace', '--payload', '3'], '% of the positions tried can be held'),
 ])
 def test_pictures_are_drawn(tmp_path, capsys, arguments, said):
     path = tmp_path / 'x.png'
@@ -101,7 +103,7 @@ def test_pictures_are_drawn(tmp_path, capsys, arguments, said):
     (['--velocity', '1', '2'],
      "--velocity and --acceleration are given with 'gravity', expected 'motion'"),
     (['--samples', '1'], '--samples is 1, expected a number in [3, 1001]'),
-    (['-o', 'x.html'], "'x.html', expected a name that ends in one of"),
+    (['-o', 'x.gif'], "'x.gif', expected a name that ends in one of"),
 ])
 def test_mistakes_are_reported_in_one_line(tmp_path, monkeypatch, capsys, arguments, message):
     monkeypatch.chdir(tmp_path)
@@ -110,3 +112,32 @@ def test_mistakes_are_reported_in_one_line(tmp_path, monkeypatch, capsys, argume
     assert err.startswith('torque_map: ')
     assert err.count('\n') == 1
     assert message in err
+
+
+@pytest.mark.parametrize(('values', 'limit', 'grade', 'words'), [
+    ([-7.0, 8.0], 10.0, Grade.GOOD, 'at most 80 % of the limit of 10 N·m'),
+    ([-8.1, 8.0], 10.0, Grade.CHECK, 'at most 81 %'),
+    ([-11.0, 8.0, 1.0, 12.0], 10.0, Grade.BAD, 'above the limit at 50.0 % of the positions'),
+    ([1.0, 2.0], np.inf, Grade.UNKNOWN, 'no effort limit'),
+])
+def test_the_verdict_on_an_effort_or_an_inertia(values, limit, grade, words):
+    found = panel_verdict(MapPanel('Effort', np.array([values]), 'N·m', True, limit))
+    assert found.grade is grade
+    assert words in found.text
+    grades = [panel_verdict(MapPanel('Inertia', np.array([[1.0, high]]), 'kg·m²', False)).grade
+              for high in (2.9, 3.1)]
+    assert grades == [Grade.GOOD, Grade.CHECK]
+
+
+def test_the_report_of_a_map(tmp_path, capsys):
+    path, what = tmp_path / 'map.html', 'workspace'
+    assert main([what, '--payload', '3', '--samples', '21', '-o', str(path)]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith(f'{path}: ')
+    assert '% of the positions tried can be held' in out
+    page = ReportPage(path.read_text(encoding='utf-8'))
+    assert page.is_complete
+    assert len(page.links) == 1
+    for words in (
+            'Verdict on ', 'the planar two-link arm', f'command torque_map {what} --payload 3'):
+        assert words in page.text

@@ -12,7 +12,7 @@ import pytest
 from recordings import KnownMotion, write_recording
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.tools import check_model
-from robot_dynamics_tools.commands import analyze, identify
+from robot_dynamics_tools.commands import analyze, identify, torque_map
 from robots import must_have_everything
 
 if not must_have_everything():
@@ -30,7 +30,7 @@ FIGURE = '.bk-Figure'
 MOST_DRAGS = 100
 ZOOMABLE = ('analyze', 'identify')
 TOOLS = {tool.__name__.rpartition('.')[2]: tool
-         for tool in (analyze, check_model, identify)}
+         for tool in (analyze, check_model, identify, torque_map)}
 
 
 @pytest.fixture(scope='session')
@@ -46,6 +46,8 @@ def report_of(tmp_path_factory):
         tool, file = TOOLS[name], directory / f'{name}.html'
         if name == 'check_model':  # whose report has a finding
             words = [weak, '--report', file]
+        elif name == 'torque_map':
+            words = ['--urdf', urdf, '-o', file]
         else:
             file = directory / name / 'report.html'
             bag = write_recording(directory / f'{name}_bag', KnownMotion(seconds=16.0).messages())
@@ -76,7 +78,8 @@ def opened(browser, path, size=SIZE):
 
 
 @pytest.mark.parametrize('name', [
-    'check_model', *(pytest.param(name, marks=pytest.mark.soak) for name in ZOOMABLE)])
+    'check_model', *(pytest.param(name, marks=pytest.mark.soak) for name in (
+        'torque_map', *ZOOMABLE))])
 def test_a_report_needs_no_network_and_fits_a_wide_and_a_narrow_screen(
     browser, report_of, name,
 ):
