@@ -125,6 +125,7 @@ class ArmModel:
     actuators: Actuators | None = None
     reductions: Reductions = field(default_factory=dict)
     drive: EffortCalibration | None = None
+    report: EffortCalibration | None = None
     uncertainty: ModelUncertainty | None = None
 
     def __repr__(self) -> str:
@@ -204,8 +205,18 @@ class ArmModel:
     @property
     def given_drive(self) -> EffortCalibration:
         """The drives; scale 1 and offset 0, both exact, if `drive` is not set."""
+        return self.drive or self._exact
+
+    @property
+    def given_report(self) -> EffortCalibration:
+        """The report of the drives; scale 1 and offset 0, both exact, if `report` is not set."""
+        return self.report or replace(
+            self._exact, limit=self.given_drive.limit)
+
+    @property
+    def _exact(self) -> EffortCalibration:
         n = self.joint_count
-        return self.drive or EffortCalibration(np.ones(n), np.zeros(n), self.limits.effort)
+        return EffortCalibration(np.ones(n), np.zeros(n), self.limits.effort)
 
     def with_rotors_apart(self, apart: BoolArray) -> 'ArmModel':
         """Return this arm without the rotors of the joints for which `apart` (n,) is true."""

@@ -100,14 +100,15 @@ class GravityCheck:
     def __init__(
         self, convention: EffortConvention, friction: JointFriction, actuators: Actuators | None,
         is_continuous: BoolArray, drive: EffortCalibration | None = None,
+        report: EffortCalibration | None = None,
     ) -> None:
         """
         Take the known `friction` and `actuators` of the arm, which increase the tolerance.
 
         `is_continuous` (n,) marks the joints whose position may step by whole turns. `drive` are
-        the drives of the arm if their effort is not the torque.
+        the drives of the arm if their command is not the torque, `report` if their report is not.
         """
-        self._drive = drive
+        self._drive, self._report = drive, report
         self._is_continuous = is_continuous
         self._convention, self._actuators = convention, actuators
         self._friction = sum(friction.at_rest, start=np.zeros(len(is_continuous)))
@@ -163,9 +164,10 @@ class GravityCheck:
             for name in ('effort', 'command', 'gravity'))
         measured = joint_effort_at_rest(
             self._convention.measured_effort, efforts, self._actuators)
-        if self._drive is not None:
+        if self._report is not None:
             measured = _as_torque(
-                self._drive, measured, self._convention.lacks_gravity * gravities)
+                self._report, measured, self._convention.lacks_gravity * gravities)
+        if self._drive is not None:
             commands = _as_torque(
                 self._drive, commands, self._convention.compensates_gravity * gravities)
         finite = np.isfinite(measured).all(axis=0)

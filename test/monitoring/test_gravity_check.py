@@ -263,7 +263,8 @@ DRIVE = make_effort_calibration(NAMES, [0.4, 2.5], [8.0, -4.0], ARM.limits.effor
 
 
 def test_another_controller_of_such_drives_is_found():
-    check = GravityCheck(EffortConvention(), make_friction(NAMES), None, CONTINUOUS, DRIVE)
+    check = GravityCheck(
+        EffortConvention(), make_friction(NAMES), None, CONTINUOUS, DRIVE, DRIVE)
     verdict = verdict_of(check, DRIVE.effort(G), None)
     assert verdict.ratio == pytest.approx(1.0, abs=1e-12)
     assert verdict.measured == pytest.approx(G)

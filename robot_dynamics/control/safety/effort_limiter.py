@@ -50,6 +50,8 @@ class EffortLimits:
     rate: FloatArray | float
     effort: FloatArray | float = math.inf
     """Largest effort (n,) or one for all joints, apart from `holding`."""
+    direction: FloatArray | float = 1.0
+    """Sign (n,) of the torque at the joint for a positive effort, or one for all joints."""
 
     @cached_property
     def soft_lower(self) -> FloatArray:

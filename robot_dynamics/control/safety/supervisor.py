@@ -262,7 +262,8 @@ class CommandSupervisor:
         """Answer a state in a fault: hold the arm with damping, and postpone the fault action."""
         braked = still if brake is None else brake(q, v, still)
         if self.fault is None or self.fault.name != FROZEN_JOINT:  # a lost joint drives others
-            fault = self._action.release(self._damped_for, v, braked - still)
+            fault = self._action.release(
+                self._damped_for, v, self.limiter.limits.direction * (braked - still))
             if fault is not None:
                 self._fail(now, fault)
         self._action.postpone(now + self.options.state_timeout, braked, still)

@@ -27,7 +27,8 @@ class EffortCheck:
         """Finish at once if there is no measured effort."""
         self._node, self._names, self._convention = node, arm.joint_names, convention
         self._check = gravity_check.GravityCheck(
-            convention, arm.friction, arm.actuators, arm.is_continuous, arm.drive)
+            convention, arm.friction, arm.actuators, arm.is_continuous,
+            arm.drive, arm.report)
         self._command: FloatArray | None = None
         self._said: set[str] = {gravity_check.STILL}
         self._verdict: gravity_check.GravityVerdict | None = None

@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='Output file of the trajectory_msgs/JointTrajectory (default: %(default)s)')
     command_line.add_force(parser)
     options.add_parameters(
-        parser, 'joints, gravity, friction, motors, effort.scale, effort.offset')
+        parser, 'joints, gravity, friction, motors, effort.command_scale, effort.command_offset')
     parser.add_argument(
         '--joints', nargs='+', default=[], metavar='JOINT',
         help='Joints to move, like the parameter joints (default: all); the others are locked')

@@ -63,7 +63,8 @@ def main(argv: Sequence[str] | None = None) -> int:
              'mass [kg] and centre of mass [m] in the frame of the link. It is neither identified '
              'nor part of the output; may be repeated')
     options.add_parameters(
-        parser, 'joints, gravity, motors, measured_effort, effort.scale, effort.offset')
+        parser, 'joints, gravity, motors, measured_effort, '
+                'effort.report_scale, effort.report_offset')
     parser.add_argument(
         '--output', type=Path, default=OUTPUT, metavar='DIR',
         help=f'Output directory (default: {OUTPUT})')
