@@ -23,6 +23,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.braking import braked, coasting, is_held
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.drive_check import DriveCheck
 from robot_dynamics.control.endings import Endings
 from robot_dynamics.control.gate import Gate, Signals
 from robot_dynamics.control.goal_execution import GoalExecution
@@ -99,6 +100,9 @@ class ControlLoop:
         if before is not None:
             self._continue(before.supervisor)
         self._endings = Endings(controller, self.goals, self.supervisor)
+        self.drives = DriveCheck(controller)
+        self.is_heard = True
+        """Whether a drive receives the command."""
         self.is_active = False
         self.restarts: Counter[str] = Counter()
         self.states = 0
@@ -251,12 +255,16 @@ class ControlLoop:
                 if signals.verdict.restart and self.states > 0:
                     self.restarts[signals.verdict.restart] += 1
                     self._endings.restart(now, signals.verdict.restart)
+                    self.drives.restart()
                 if now > self.goals.stream.deadline:
                     self._endings.end(now, self.goals.pause())
                 answer = self._answer(signals, now, fault)
                 if publish is not None and answer.effort is not None:
                     publish(answer.effort)
                 if signals.verdict.is_new:
+                    self.drives.take(
+                        1e-9 * signals.verdict.stamp, answer.output,
+                        answer.effort if self.is_heard else None)
                     if self.goals.goal is not None:
                         self.goals.judge()
                     self.controller.evaluate()
@@ -318,4 +326,7 @@ class ControlLoop:
         with self.lock:
             effort = self.supervisor.tick(now, partial(coasting, self.controller))
             self._endings.follow(now)
+            if effort is not None and self.controller.state is not None:
+                self.drives.command(
+                    1e-9 * self.controller.state[0] + now - self._steady, effort)
             return effort

@@ -6,7 +6,7 @@
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.braking import is_held
-from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.joints.units import units_of
 
 TOLERANCE = 0.01
@@ -15,12 +15,14 @@ PATIENCE = 0.5
 """[s] after the end of a reference."""
 
 
-def shortfall(controller: Controller) -> str:
+def shortfall(loop: ControlLoop) -> str:
     """
     Return which joint rests most beyond TOLERANCE from the end of its reference, and why.
 
+    Friction, loads and contacts are named only if the motion has confirmed the drive of the joint.
     The result is empty if there is none, during a motion, and for PATIENCE seconds afterwards.
     """
+    controller = loop.controller
     with controller.lock:
         trajectory, state, reference = (
             controller.trajectory, controller.state, controller.reference)
@@ -40,6 +42,8 @@ def shortfall(controller: Controller) -> str:
     units = units_of(arm.joint_kinds[j])
     if abs(needed) > limit:
         cause = f'its effort limit of {limit:g} {units.effort} does not suffice'
+    elif not loop.drives.is_right(j):
+        cause = 'the drive is not known (status drive): its effort, the model or friction holds it'
     elif may_hold and arm.friction.at_rest.static[j] > 0.0:
         cause = (
             'dry friction can hold it: identify friction and rotor, or give '

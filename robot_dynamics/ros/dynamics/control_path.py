@@ -194,9 +194,6 @@ class ControlPath:
         """Return position and velocity (n,) of a state, and learn where its layout has them."""
         messages = served.messages
         q, v = messages.reader.read(state)
-        messages.has_effort = len(state.effort) > 0
-        if not messages.has_effort:
-            served.check.lack_effort()
         if state.layout is messages.assembly.whole and not messages.awaits_description:
             messages.layout, messages.places = state.layout, messages.reader.places
         return q, v
@@ -230,24 +227,16 @@ class ControlPath:
             if count():
                 self._publish(state, served, answer)
                 break
-        if served.external.is_on or served.messages.has_effort and not served.check.done:
-            self._examine(served, state, answer, q)
-
-    def _examine(
-        self, served: Served, state: SensedState, answer: LoopAnswer, q: FloatArray,
-    ) -> None:
-        """Compare the measured effort with its limit, and with the command."""
-        output, reader = answer.output, served.messages.reader
-        v, gravity = output.state.v, output.robot_gravity
+        served.drives.take(served.messages.reader, state, output)
         if served.external.is_on:
-            fault = served.external.fault(reader, state, q, v, answer.verdict, gravity)
+            fault = served.external.fault(
+                served.messages.reader, state, q, output.state.v, verdict, output.robot_gravity)
             if fault is not None:
                 self.command.fail(fault)
-        if not served.check.done:
-            served.check.add_state(
-                reader, state, q, gravity,
-                answer.effort if self.command.has_listeners() or self._drives.has_listeners()
-                else None)
+
+    def has_position_drives(self) -> bool:
+        """Return whether drives with a stiffness of their own are commanded."""
+        return self._drives.has_listeners()
 
     def _has_age(self) -> bool:
         """Return whether stamps have an age: with use_sim_time they have none."""

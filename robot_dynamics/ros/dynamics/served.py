@@ -11,7 +11,7 @@ from robot_dynamics.arrays import IntArray
 from robot_dynamics.control.feed_forward import FeedForward
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.ros.dynamics.effort_check import EffortCheck
+from robot_dynamics.ros.dynamics.drive_status import DriveStatus
 from robot_dynamics.ros.dynamics.external_effort_fault import ExternalEffortFault
 from robot_dynamics.ros.middleware.cdr_templates import (
     array_template,
@@ -36,8 +36,6 @@ class ArmMessages:
         self.layout: Layout | None = None
         """The layout of complete states whose numbers `places` finds."""
         self.places: IntArray = np.zeros(0, dtype=np.intp)
-        self.has_effort = False
-        """Whether the last state that was read has efforts."""
         self.foreign_joints = ''
         """Reason why the embedded arm is not served, empty if it is."""
         self.awaits_description, self.used_at = is_embedded, time.monotonic()
@@ -61,7 +59,7 @@ class Served:
     """Arm, load, law, limits and references."""
     values: Values
     """The parameters."""
-    check: EffortCheck
+    drives: DriveStatus
     external: ExternalEffortFault
     feed_forward: FeedForward
     messages: ArmMessages

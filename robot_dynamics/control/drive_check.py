@@ -1,0 +1,179 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The drive check: whether the commanded torque acts at the joints.
+
+Each state costs one sum. At the end of an interval of 10 to 40 ms (`drive_samples`), the torque
+that the motion needs is compared with the command; only if they differ by more than friction,
+rotors and the model explain, the causes are compared (`drive_causes`). The verdicts
+(`drive_verdicts`) are computed when they are read, outside the control path.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.control_output import ControlOutput
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.options import DEFAULT_EFFORT_RATE, FULL_EFFORT_TIME
+from robot_dynamics.model.regressor import LoadRegressor
+from robot_dynamics.monitoring.drive_causes import (
+    Cause,
+    compare,
+    Comparison,
+    DriveModel,
+    Joints,
+    MODEL,
+    SLOW,
+)
+from robot_dynamics.monitoring.drive_samples import (
+    COUNT,
+    DriveSamples,
+    DriveWindow,
+    LONGEST,
+    START,
+)
+from robot_dynamics.monitoring.drive_verdicts import (
+    agreeing,
+    candidates,
+    causes_verdicts,
+    finite_limits,
+    NOT_YET,
+    report_verdicts,
+    resting_verdicts,
+    right_verdict,
+    Verdict,
+)
+
+RECENT = 10
+"""Samples that decide in the control path, after START."""
+NAMING = 0.3
+"""[s] after a wrong drive was seen that its name is decided from."""
+
+
+class WrongDrive(NamedTuple):
+    """A wrong drive that was seen in the control path: its cause, and when [s]."""
+
+    time: float
+    cause: Cause
+
+
+class DriveCheck:
+    """Checks the drives of one arm; the control path calls `take` with the controller's lock."""
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller, arm = controller, controller.arm
+        limit = finite_limits(arm.limits.effort, DEFAULT_EFFORT_RATE * FULL_EFFORT_TIME)
+        self.joints = joints = Joints.of_arm(arm, limit)
+        self._friction = joints.friction[0]
+        self._rotor = 0.5 * (joints.rotor[0] + joints.rotor[1])
+        self.samples = DriveSamples(arm.joint_count)
+        self._loads = [LoadRegressor(arm, arm.link_names[-1]) for _ in range(2)]
+        """One for the control path, one for `verdicts`."""
+        self._n, self._none = arm.joint_count, np.zeros(arm.joint_count)
+        self._is_commanded = False
+        self._found: dict[int, Verdict] = {}
+        self._right: dict[int, Verdict] = {}
+        self.wrong: WrongDrive | None = None
+        """The wrong drive that was seen since the first command, or None."""
+
+    def restart(self) -> None:
+        """Continue after a gap of the states."""
+        self.samples.restart()
+
+    def command(self, time: float, effort: FloatArray) -> None:
+        """Take an effort (n,) that is commanded without a state."""
+        if time > self.samples.due + LONGEST:  # no states arrive
+            self.samples.restart()
+        self.samples.command(time, effort)
+
+    def take(
+        self, time: float, output: ControlOutput, effort: FloatArray | None,
+    ) -> None:
+        """
+        Take a state and the effort (n,) commanded for it.
+
+        `time` [s] is that of the states. `effort` is None without a command.
+        """
+        samples = self.samples
+        if effort is None:
+            effort, self._is_commanded = self._none, False
+        elif not self._is_commanded:
+            self._is_commanded, self.wrong = True, None
+            self._found, self._right = {}, {}
+            samples.begin(time)
+        if time < samples.due:
+            samples.command(time, effort)
+            return
+        mean, state = samples.mean_command(time), output.state
+        if mean is not None:
+            mean = output.robot.effort(
+                mean if output.drive is None else output.drive.torque(mean))
+        is_new = samples.take(time, state.q, state.v, mean, state.dynamics)
+        samples.command(time, effort)
+        if not is_new or self.wrong is not None or not self._is_commanded or (
+                not self._is_suspicious(*samples.last)):
+            return
+        is_start = time <= samples.start + START
+        window = samples.window(COUNT if is_start else RECENT)
+        comparison = self._compare(window, is_start, 0)
+        found = candidates(comparison)
+        if found:
+            self._found.update(causes_verdicts(comparison, found))
+            self.wrong = WrongDrive(time, found[0])
+
+    def _is_suspicious(self, u: FloatArray, y: FloatArray, a: FloatArray) -> bool:
+        """Return whether a sample needs more torque y than that of a right drive."""
+        error = np.abs(y - u) - self._rotor * np.abs(a) - MODEL * np.abs(u)
+        return bool((error > self._friction).any())
+
+    def _compare(self, window: DriveWindow, is_start: bool, user: int) -> Comparison:
+        columns = self._loads[user](window.position, window.velocity, window.acceleration)
+        return compare(DriveModel(window, self.joints, is_start), columns[..., :4], user == 1)
+
+    # ------------------------------------------------------------------ verdicts
+
+    def is_right(self, joint: int) -> bool:
+        """Return whether the motion has confirmed the drive of a joint."""
+        return joint in self._right and joint not in self._found
+
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Return the verdict on each joint; takes some milliseconds, in any one thread."""
+        with self._controller.lock:
+            window, start = self.samples.window(), self.samples.start
+            wrong, is_commanded = self.wrong, self._is_commanded
+            found, right = self._found, self._right
+        if is_commanded and len(window.time) and (wrong is not None or (
+                len(right) < self._n and bool((np.abs(window.velocity) > SLOW).any()))):
+            self._name(window, start, wrong, found, right)
+        found.update(resting_verdicts(window, self.joints, is_commanded))
+        agrees = np.array([j in right for j in range(self._n)])
+        reported = report_verdicts(window, self.joints, agrees) if is_commanded else {}
+        return tuple(
+            found.get(j) or reported.get(j) or right.get(j, NOT_YET) for j in range(self._n))
+
+    def _name(
+        self, window: DriveWindow, start: float, wrong: WrongDrive | None,
+        found: dict[int, Verdict], right: dict[int, Verdict],
+    ) -> None:
+        """Add the verdicts of a window of samples with a command."""
+        first = window.between(start, start + START)
+        if wrong is not None:
+            is_start = wrong.time <= start + START
+            window = window.between(start if is_start else wrong.time - 2.0 * NAMING,
+                                    wrong.time + NAMING)
+        else:
+            is_start = len(first.time) > 0 and window.time[-1] <= start + 2.0 * START
+            window = first if is_start else window.between(start + START, np.inf)
+        if len(window.time) == 0:
+            return
+        comparison = self._compare(window, is_start, 1)
+        named = causes_verdicts(comparison, candidates(
+            comparison, None if wrong is None else wrong.cause.joint))
+        found.update(named)
+        if wrong is None and not named:
+            right.update({
+                j: right_verdict(float(comparison.gains.gain[j]), float(
+                    comparison.gains.deviation[j]))
+                for j in np.flatnonzero(agreeing(comparison)).tolist() if j not in found})
