@@ -28,7 +28,7 @@ from robot_dynamics.monitoring.drive_samples import (
     INTERVAL,
 )
 
-FRICTION = 0.025, 0.02
+FRICTION = 0.03, 0.02
 """Dry friction of usual gearboxes as a fraction of the effort limit, and its deviation."""
 KNOWN_FRICTION = 0.3
 """Deviation of known friction, as a fraction of it: it changes with temperature and load."""
@@ -36,8 +36,10 @@ ROTOR = 1.5e-3, 1e-3
 """
 Inertia of rotors that the model lacks by the effort limit [s²], and its deviation.
 
-Drives reach 170 to 700 rad/s² at their limit (`model_check.rotor_check`).
+Most drives reach 170 to 700 rad/s² at their limit, slow ones 17 (`model_check.rotor_check`).
 """
+HEAVY_ROTOR = 0.02, 0.02
+"""The same of slow drives, which a right drive may have too."""
 MODEL = 0.08
 """Deviation of k of a right drive: masses and torque constants of data sheets."""
 SPEED_NOISE = 0.003
@@ -46,6 +48,13 @@ DELAY = 0.004
 """[s] by which a command of a right drive may act late."""
 SLOW = 0.02
 """[rad/s] or [m/s] up to which dry friction has any value."""
+VIBRATES, LARGEST = 0.4, 1.2
+"""
+Share of turns of the acceleration from which a joint vibrates, and torque by the effort limit that
+no drive delivers: gearboxes that yield look so.
+"""
+STEADY = 0.5
+"""Least distance by way of a joint that does not vibrate."""
 PUSH = 0.3
 """Deviation of a push as a fraction of the effort limit."""
 PUSH_ODDS = -7.0, 8.0
@@ -94,11 +103,12 @@ class Cause(NamedTuple):
 
 
 class Fits(NamedTuple):
-    """Log evidence, and mean and deviation of k, of each joint (n,)."""
+    """Log evidence, mean and deviation of k, and mean of J, of each joint (n,)."""
 
     evidence: FloatArray
     gain: FloatArray
     deviation: FloatArray
+    rotor: FloatArray
 
 
 class Joints(NamedTuple):
@@ -151,14 +161,20 @@ class DriveModel:
             + (0.03 * window.needed)**2 + (DELAY / duration * late)**2 + at_rest**2)
         turns = np.zeros_like(sign, dtype=bool)
         turns[1:] = window.acceleration[1:] * window.acceleration[:-1] < 0.0
+        turns |= turns.mean(axis=0) > VIBRATES
         turns[:-1] |= turns[1:]
+        turns |= np.abs(window.needed) > LARGEST * limit
         self.moves = (sign != 0.0) & ~turns
         """Marks the samples (k, n) in a motion that is no vibration."""
+        way = window.velocity * duration
+        steady = np.abs(way.cumsum(axis=0)) > STEADY * np.abs(way).cumsum(axis=0)
         accelerates = np.abs(window.needed - window.gravity) > joints.visible
-        counts = self.moves & accelerates
-        if is_start:  # friction at rest is one value, whatever the number of samples
-            counts = self.moves.copy()
-            counts[-1] |= ~accelerates[-1]
+        counts = self.moves & steady
+        if not is_start:
+            counts &= accelerates
+        else:  # friction at rest is one value, whatever the number of samples
+            error = np.abs(window.needed[-1] - window.commanded[-1])
+            counts[-1] |= ~accelerates[-1] & (error < joints.visible)
         self._noise, self.counts = self.noise, counts
         self.only(counts)
 
@@ -193,7 +209,18 @@ class DriveModel:
         evidence = -0.5 * (
             (r * r).sum(axis=0) - (h * d).sum(axis=1) + np.linalg.slogdet(P)[1] + log_volume)
         deviation = spread[:, 0] * np.sqrt(np.linalg.inv(P)[:, 0, 0])
-        return Fits(evidence, mean[:, 0] + spread[:, 0] * d[:, 0], deviation)
+        k, rotor = mean[:, 0] + spread[:, 0] * d[:, 0], mean[:, 2] + spread[:, 2] * d[:, 2]
+        return Fits(evidence, k, deviation, rotor)
+
+    def right(self) -> Fits:
+        """Return the fits of right drives, with the rotor that fits better and is not negative."""
+        light, joints = self.fit(self.window.commanded, (1.0, MODEL)), self.joints
+        self.joints = joints._replace(rotor=(
+            HEAVY_ROTOR[0] * joints.limit, HEAVY_ROTOR[1] * joints.limit))
+        heavy = self.fit(self.window.commanded, (1.0, MODEL))
+        self.joints = joints
+        return light._replace(evidence=np.where(
+            heavy.rotor > 0.0, np.maximum(heavy.evidence, light.evidence), light.evidence))
 
     def _without_pushes(
         self, A: FloatArray, r: FloatArray,
@@ -219,7 +246,7 @@ class DriveModel:
         fits = self.fit(np.clip(u, -at, at), (1.0, MODEL))
         volume = np.log(CLIP[1] / np.minimum(first.deviation, CLIP[1]))
         return Fits(np.where(at < largest, fits.evidence - volume, -np.inf), at, limit * (
-            first.deviation))
+            first.deviation), fits.rotor)
 
     def load(self, columns: FloatArray) -> float:
         """
@@ -282,7 +309,7 @@ def compare(
     """
     window, u = model.window, model.window.commanded
     gain = 1.0, MODEL
-    good, push = model.fit(u, gain), PUSH_ODDS[0 if model.is_start else 1]
+    good, push = model.right(), PUSH_ODDS[0 if model.is_start else 1]
     base = float(good.evidence.sum())
     pushed = np.maximum(model.fit(u, gain, is_pushed=True).evidence, good.evidence)
     gravity = model.fit(u, gain, window.needed - window.gravity)
@@ -317,7 +344,7 @@ def _in_motion(model: DriveModel, columns: FloatArray) -> tuple[Fits, FloatArray
     window, u, right = model.window, model.window.commanded, (1.0, MODEL)
     before = model.counts
     model.only(model.moves)
-    good, free = model.fit(u, right), model.fit(u, GAINS[SCALE])
+    good, free = model.right(), model.fit(u, GAINS[SCALE])
     doubt = np.maximum(*(model.fit(u, GAINS[name]).evidence for name in (REVERSED, NO_EFFECT)))
     pushed = np.maximum(model.fit(u, right, is_pushed=True).evidence, good.evidence)
     known = max(float(pushed.sum()), model.load(columns))

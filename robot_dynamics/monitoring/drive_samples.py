@@ -24,6 +24,14 @@ INTERVAL, FIRST_INTERVAL = 0.04, 0.01
 """[s], at least, of a sample, and of one within START."""
 LONGEST = 0.1
 """[s] between two states after which the motion between them is not known."""
+AGREEMENT = 0.25, 0.75, 0.01
+"""
+Relative errors of mean velocities with which the first and later samples count, and error at rest.
+
+The last one is in [rad/s] or [m/s]. The velocity of the first state is assumed to be 0.
+"""
+AT_REST = 0.1
+"""[rad/s] or [m/s]"""
 COUNT = 80
 """Samples in the window, at least 2 s."""
 
@@ -54,9 +62,10 @@ class DriveWindow(NamedTuple):
 
 
 class _Begin(NamedTuple):
-    """Time, velocity, momentum, g − Cᵀ v and the diagonal of M at the begin of an interval."""
+    """Time, state, momentum, g − Cᵀ v, diagonal of M and g at the begin of an interval."""
 
     time: float
+    q: FloatArray
     v: FloatArray
     momentum: FloatArray
     drift: FloatArray
@@ -93,6 +102,7 @@ class DriveSamples:
         """Begin at the first command, at a time [s]."""
         self.start, self.count = time, 0
         self.restart()
+        self._skips = False  # an arm at rest has the velocity 0 of a first state
 
     def restart(self) -> None:
         """Forget the interval that has begun; the velocity of the next state is not known."""
@@ -137,12 +147,16 @@ class DriveSamples:
         now = self._begin(time, q, v, dynamics)
         if first is None or torque is None or not 0.0 < time - first.time <= 2.0 * LONGEST:
             return False
-        T = time - first.time
+        T, mean = time - first.time, 0.5 * (first.v + v)
+        moved = (q - first.q) / T
+        relative = AGREEMENT[0 if self.count == 0 else 1]
+        if (np.abs(moved - mean) > relative * np.abs(moved) + AGREEMENT[2]).any():
+            return False  # the velocities are not those of the positions
         y = (now.momentum - first.momentum) / T + 0.5 * (first.drift + now.drift)
         a = (v - first.v) / T
         self._rows[self.count % COUNT] = (
             torque, y, self._nothing if report is None else report, now.gravity,
-            0.5 * (first.v + v), a, q, now.inertia)
+            mean, a, q, now.inertia)
         self.last = torque, y, a
         self._times[self.count % COUNT] = time
         self.count += 1
@@ -153,7 +167,7 @@ class DriveSamples:
     ) -> _Begin:
         body, viscous = dynamics.rigid_body, dynamics.friction.viscous
         g, C, M = body.gravity(q), body.coriolis_matrix(q, v), body.mass_matrix(q)
-        now = _Begin(time, v, M @ v, g - v @ C + viscous * v, M.diagonal(), g)
+        now = _Begin(time, q, v, M @ v, g - v @ C + viscous * v, M.diagonal(), g)
         self._first, self._report, self.wants_report = now, None, True
         self._commands.clear()
         self._since.clear()
@@ -166,3 +180,10 @@ class DriveSamples:
         k = min(self.count, most, COUNT)
         places = np.arange(self.count - k, self.count) % COUNT
         return DriveWindow(self._times[places], *np.moveaxis(self._rows[places], 1, 0))
+
+
+def starts_at_rest(window: DriveWindow, start: float) -> bool:
+    """Return whether the arm was at rest at the first command; else somebody has moved it."""
+    passed = np.diff(window.time[:2]).sum() if len(window.time) > 1 else FIRST_INTERVAL
+    v = window.velocity[0] - window.acceleration[0] * (window.time[0] - 0.5 * passed - start)
+    return bool((np.abs(v) < AT_REST).all())

@@ -27,7 +27,7 @@ from robot_dynamics.monitoring.drive_causes import (
 )
 from robot_dynamics.monitoring.drive_samples import DriveWindow
 
-CERTAIN, SIMILAR = 9.0, 4.0
+CERTAIN, SIMILAR = 10.0, 4.0
 """Log evidence beyond right drives to name a wrong one; and of causes that are named together."""
 SURE = 5.0
 """Log evidence of a right drive at a joint, beyond any wrong one."""
@@ -78,16 +78,14 @@ def candidates(found: Comparison, joint: int | None = None) -> list[Cause]:
     if found.certainty < CERTAIN:
         return []
     wrong = [cause for cause in found.wrong if joint in (None, cause.joint)]
-    best, names = wrong[0], set[str]()
-    similar = []
+    best, similar = wrong[0], dict[str, Cause]()
     for cause in wrong:
-        if cause.evidence < best.evidence - SIMILAR or (
-                cause.name == SCALE and _is_simpler(cause, names)):
-            continue
-        if cause.name not in names and (cause.joint in (best.joint, ALL) or best.joint == ALL):
-            names.add(cause.name)
-            similar.append(cause)
-    return similar
+        if cause.evidence > best.evidence - SIMILAR and (
+                cause.joint in (best.joint, ALL) or best.joint == ALL):
+            similar.setdefault(cause.name, cause)
+    if SCALE in similar and _is_simpler(similar[SCALE], set(similar)):
+        del similar[SCALE]
+    return list(similar.values())
 
 
 def _is_simpler(scale: Cause, names: set[str]) -> bool:
