@@ -17,14 +17,18 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.options import DEFAULT_EFFORT_RATE, FULL_EFFORT_TIME
+from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.model.regressor import LoadRegressor
 from robot_dynamics.monitoring.drive_causes import (
     Cause,
     compare,
     Comparison,
     DriveModel,
+    GRAVITY,
     Joints,
     MODEL,
+    REVERSED,
+    SCALE,
     SLOW,
 )
 from robot_dynamics.monitoring.drive_samples import (
@@ -33,6 +37,7 @@ from robot_dynamics.monitoring.drive_samples import (
     DriveWindow,
     LONGEST,
     START,
+    starts_at_rest,
 )
 from robot_dynamics.monitoring.drive_verdicts import (
     agreeing,
@@ -48,6 +53,14 @@ from robot_dynamics.monitoring.drive_verdicts import (
 
 RECENT = 10
 """Samples that decide in the control path, after START."""
+SOFT = 0.05
+"""
+Feedback, as a fraction of the effort limit, with which a command begins: what friction can bear.
+
+A drive with the opposite sign turns feedback into a motor; that of gravity alone shows it.
+"""
+SOFT_TIME, SOFT_RAMP = 0.06, 0.14
+"""[s] of the first command with this feedback, and [s] in which it then grows by the limit."""
 NAMING = 0.3
 """[s] after a wrong drive was seen that its name is decided from."""
 
@@ -75,8 +88,14 @@ class DriveCheck:
         self._is_commanded = False
         self._found: dict[int, Verdict] = {}
         self._right: dict[int, Verdict] = {}
+        self.soft_until = -np.inf
+        """Time [s] until which the feedback is bounded."""
         self.wrong: WrongDrive | None = None
         """The wrong drive that was seen since the first command, or None."""
+
+    def go_on(self) -> None:
+        """Begin with an arm that is commanded already, by another model: this is no start."""
+        self._is_commanded = True
 
     def restart(self) -> None:
         """Continue after a gap of the states."""
@@ -88,11 +107,19 @@ class DriveCheck:
             self.samples.restart()
         self.samples.command(time, effort)
 
+    def softened(self, time: float, output: ControlOutput, command: FloatArray) -> FloatArray:
+        """Return a command (n,) whose feedback is bounded, at a time [s] of the states."""
+        holding = output.holding_effort()
+        feedback = command - holding
+        grown = max(0.0, time - self.samples.start - SOFT_TIME) / SOFT_RAMP
+        share = (SOFT + grown) * self.joints.limit / np.maximum(np.abs(feedback), 1e-9)
+        return np.asarray(holding + min(1.0, float(share.min())) * feedback)
+
     def take(
         self, time: float, output: ControlOutput, effort: FloatArray | None,
-    ) -> None:
+    ) -> Fault | None:
         """
-        Take a state and the effort (n,) commanded for it.
+        Take a state and the effort (n,) commanded for it; return the fault of a wrong drive.
 
         `time` [s] is that of the states. `effort` is None without a command.
         """
@@ -102,10 +129,11 @@ class DriveCheck:
         elif not self._is_commanded:
             self._is_commanded, self.wrong = True, None
             self._found, self._right = {}, {}
+            self.soft_until = time + SOFT_TIME + SOFT_RAMP
             samples.begin(time)
         if time < samples.due:
             samples.command(time, effort)
-            return
+            return None
         mean, state = samples.mean_command(time), output.state
         if mean is not None:
             mean = output.robot.effort(
@@ -113,15 +141,28 @@ class DriveCheck:
         is_new = samples.take(time, state.q, state.v, mean, state.dynamics)
         samples.command(time, effort)
         if not is_new or self.wrong is not None or not self._is_commanded or (
-                not self._is_suspicious(*samples.last)):
-            return
+                not self._controller.laws.follows or not self._is_suspicious(*samples.last)):
+            return None
         is_start = time <= samples.start + START
         window = samples.window(COUNT if is_start else RECENT)
         comparison = self._compare(window, is_start, 0)
         found = candidates(comparison)
-        if found:
-            self._found.update(causes_verdicts(comparison, found))
-            self.wrong = WrongDrive(time, found[0])
+        if not found:
+            return None
+        self._found.update(causes_verdicts(comparison, found))
+        self.wrong = WrongDrive(time, found[0])
+        return self._fault(found)
+
+    def _fault(self, found: list[Cause]) -> Fault:
+        """Return the fault of causes: it releases joints that their drives may turn to motors."""
+        worst = next(iter(self._found))
+        drives = any(
+            one.name in (REVERSED, GRAVITY) or one.name == SCALE and not 0.0 <= one.value <= 1.0
+            for one in found)
+        name, verdict = self._controller.arm.joint_names[worst], self._found[worst]
+        return Fault(
+            'wrong_drive', f'{name!r}: {verdict.verdict}; {verdict.sentence}', latched=True,
+            released=tuple(self._found) if drives else ())
 
     def _is_suspicious(self, u: FloatArray, y: FloatArray, a: FloatArray) -> bool:
         """Return whether a sample needs more torque y than that of a right drive."""
@@ -129,6 +170,7 @@ class DriveCheck:
         return bool((error > self._friction).any())
 
     def _compare(self, window: DriveWindow, is_start: bool, user: int) -> Comparison:
+        is_start = is_start and starts_at_rest(window, self.samples.start)
         columns = self._loads[user](window.position, window.velocity, window.acceleration)
         return compare(DriveModel(window, self.joints, is_start), columns[..., :4], user == 1)
 
@@ -144,7 +186,7 @@ class DriveCheck:
             window, start = self.samples.window(), self.samples.start
             wrong, is_commanded = self.wrong, self._is_commanded
             found, right = self._found, self._right
-        if is_commanded and len(window.time) and (wrong is not None or (
+        if is_commanded and len(window.time) and self._controller.laws.follows and (wrong is not None or (
                 len(right) < self._n and bool((np.abs(window.velocity) > SLOW).any()))):
             self._name(window, start, wrong, found, right)
         found.update(resting_verdicts(window, self.joints, is_commanded))

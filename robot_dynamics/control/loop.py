@@ -110,6 +110,8 @@ class ControlLoop:
         self._steady = 0.0
         self._output: ControlOutput | None = None
         """The output for the last new state."""
+        if self.supervisor.limiter.last is not None:
+            self.drives.go_on()
         if before is not None and before.is_active:
             self.activate()
 
@@ -262,9 +264,11 @@ class ControlLoop:
                 if publish is not None and answer.effort is not None:
                     publish(answer.effort)
                 if signals.verdict.is_new:
-                    self.drives.take(
+                    wrong = self.drives.take(
                         1e-9 * signals.verdict.stamp, answer.output,
                         answer.effort if self.is_heard else None)
+                    if wrong is not None:
+                        self.end(now, Ending.by(wrong))
                     if self.goals.goal is not None:
                         self.goals.judge()
                     self.controller.evaluate()
@@ -292,6 +296,8 @@ class ControlLoop:
         if output.command is None:
             supervisor.end(now, Ending(Kind.RELEASE_NOW, 'there is no command'))
             return LoopAnswer(None, output, verdict)
+        if output.law.tracking is not None and 1e-9 * verdict.stamp < self.drives.soft_until:
+            output.command = self.drives.softened(1e-9 * verdict.stamp, output, output.command)
         tracking = output.law.tracking
         if tracking is not None and tracking.exceeds_limit:
             fault = fault or Fault(FOLLOWING_ERROR, output.state.feedback.worst_error(

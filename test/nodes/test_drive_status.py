@@ -70,10 +70,19 @@ def test_without_a_measured_effort_a_robot_that_is_not_commanded_shows_nothing(c
 
 @pytest.mark.parametrize(('scale', 'word'), [
     ([-1.0, 1.0], 'reversed'), ([0.25, 1.0], 'command scale 0.2')])
-def test_a_wrong_drive_is_named(client, scale, word):
+def test_a_wrong_drive_ends_the_command_and_is_named(client, scale, word):
     with client.collect(DiagnosticArray, '/diagnostics') as diagnostics, \
+            client.collect(JointState, '/wrong/joint_states') as states, \
             closed_loop('/wrong', rate=500.0, real_time_factor=1.0, **{
                 'joints': NAMES, 'effort.command_scale': scale}) as node:
         diagnostics.wait_for(lambda message: drives(message, '/wrong').get(
             'joint1', '').startswith(word), LONG)
         node.wait_for_log(f'Drive of .joint1.: {word}', LONG)
+        report = diagnostics.wait_for(lambda message: any(
+            status.name == '/wrong/dynamics: command' and 'wrong_drive' in status.message
+            for status in message.status), LONG)
+    command = next(s for s in report.status if s.name == '/wrong/dynamics: command')
+    assert command.message.startswith("fault wrong_drive: 'joint1': ")
+    assert command.message.endswith('waits for ~/reset_fault')
+    first = next(m for m in states.messages if np.abs(np.subtract(m.position, START)).max() > 0.1)
+    assert abs(first.velocity[0]) < 3.0

@@ -150,6 +150,7 @@ class CommandSupervisor:
         if self.mode not in (Mode.WAITING, Mode.RUNNING, Mode.FAULT, Mode.BRAKING):
             return
         self._good = 0
+        self._action.undamped.release(fault.released)
         is_new = not self.is_damped
         if self.mode is Mode.BRAKING:
             self._stop_has_fault = True
