@@ -131,8 +131,9 @@ class DriveCheck:
             self._found, self._right = {}, {}
             self.soft_until = time + SOFT_TIME + SOFT_RAMP
             samples.begin(time)
-        if time < samples.due:
-            samples.command(time, effort)
+        if time < samples.due:  # the usual case
+            samples.commands.append(effort)
+            samples.since.append(time)
             return None
         mean, state = samples.mean_command(time), output.state
         if mean is not None:
@@ -145,7 +146,10 @@ class DriveCheck:
             return None
         is_start = time <= samples.start + START
         window = samples.window(COUNT if is_start else RECENT)
-        comparison = self._compare(window, is_start, 0)
+        try:
+            comparison = self._compare(window, is_start, 0)
+        except np.linalg.LinAlgError:  # an error of the check must not stop the control path
+            return None
         found = candidates(comparison)
         if not found:
             return None
@@ -186,7 +190,8 @@ class DriveCheck:
             window, start = self.samples.window(), self.samples.start
             wrong, is_commanded = self.wrong, self._is_commanded
             found, right = self._found, self._right
-        if is_commanded and len(window.time) and self._controller.laws.follows and (wrong is not None or (
+        may_name = is_commanded and len(window.time) > 0 and self._controller.laws.follows
+        if may_name and (wrong is not None or (
                 len(right) < self._n and bool((np.abs(window.velocity) > SLOW).any()))):
             self._name(window, start, wrong, found, right)
         found.update(resting_verdicts(window, self.joints, is_commanded))

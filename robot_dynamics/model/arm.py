@@ -279,7 +279,7 @@ def arm_from_urdf(
     Return the arm that the text of a URDF describes; it is never the path of a file.
 
     `joints` names the actuated joints in the wanted order; empty means all moving joints that are
-    no mimic joints, in the order of the document. Other moving joints are locked at 0, or at the
+    no mimic joints, in the order of the document, and may leave the position 0. Other moving joints are locked at 0, or at the
     limit nearest to 0, and keep their mass. `gravity` [m/s²] is expressed in the base frame.
 
     Raises ModelError if the URDF cannot be used, InvalidInputError for wrong names or gravity.
@@ -344,13 +344,14 @@ def _actuated_joints(robot: UrdfRobot, names: Sequence[str]) -> tuple[UrdfJoint,
         if name not in candidates:
             raise InvalidInputError(
                 f'joints has {name!r}, expected joints out of {list(candidates)}')
-    actuated = tuple(candidates[name] for name in names) or tuple(candidates.values())
-    for joint in actuated:
-        if joint.lower == joint.upper == 0.0:
+    closed = [name for name, joint in candidates.items() if joint.lower == joint.upper == 0.0]
+    for name in closed:
+        if name in names or len(closed) == len(candidates):
             raise ModelError(
-                f'robot_description: joint {joint.name!r} is {joint.kind} with lower=0 and '
-                'upper=0, expected a range (lower below upper), or type fixed')
-    return actuated
+                f'robot_description: joint {name!r} is {candidates[name].kind} with lower=0 and '
+                'upper=0, expected a range (lower below upper), or other names in joints')
+    return tuple(candidates[name] for name in names) or tuple(
+        joint for name, joint in candidates.items() if name not in closed)
 
 
 def _locked_positions(robot: UrdfRobot, locked: dict[str, float]) -> dict[str, float]:

@@ -255,7 +255,8 @@ class DriveModel:
         A negative mass is none.
         """
         k, n, _ = columns.shape
-        lever = (np.abs(columns[..., 0]) / self.joints.limit).max(initial=1e-9)
+        reach = np.array((1.0, *3 * (LOAD_REACH,)))
+        lever = (np.abs(columns) * reach / self.joints.limit[:, np.newaxis]).max(initial=1e-9)
         heaviest = LOAD / lever
         A = np.zeros((k, n, 3 * n + 4))
         joints = np.arange(n)
@@ -265,7 +266,7 @@ class DriveModel:
         A[..., 3 * n:] = -columns
         mean, spread = (values.T.ravel() for values in self._priors((1.0, MODEL)))
         mean = np.append(mean, np.zeros(4))
-        spread = np.append(spread, heaviest * np.array((1.0, *3 * (LOAD_REACH,))))
+        spread = np.append(spread, heaviest * reach)
         A, noise = A.reshape(k * n, -1), self.noise.reshape(-1)
         r = (self.window.needed.reshape(-1) - A @ mean) / noise
         A = A * (spread / noise[:, np.newaxis])

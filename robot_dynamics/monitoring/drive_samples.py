@@ -85,9 +85,9 @@ class DriveSamples:
         """Time [s] of the first command."""
         self.due = -np.inf
         """Time [s] from which a state ends the interval."""
-        self._commands: list[FloatArray] = []
+        self.commands: list[FloatArray] = []
         """The commands (n,) of the interval."""
-        self._since: list[float] = []
+        self.since: list[float] = []
         """From when [s] on they are in force."""
         self.last = np.zeros(n), np.zeros(n), np.zeros(n)
         """Commanded and needed torque, and acceleration (n,) of the last sample."""
@@ -108,8 +108,8 @@ class DriveSamples:
         """Forget the interval that has begun; the velocity of the next state is not known."""
         self._skips = True
         self._first, self.due = None, -np.inf
-        self._commands.clear()
-        self._since.clear()
+        self.commands.clear()
+        self.since.clear()
 
     def report(self, torque: FloatArray) -> None:
         """Take the torque (n,) that the drives report."""
@@ -117,19 +117,19 @@ class DriveSamples:
 
     def command(self, time: float, effort: FloatArray) -> None:
         """Take an effort (n,) that is commanded from a time [s] on."""
-        self._commands.append(effort)
-        self._since.append(time)
+        self.commands.append(effort)
+        self.since.append(time)
 
     def mean_command(self, time: float) -> FloatArray | None:
         """Return the mean command (n,) of the interval that ends now, None if it has a gap."""
-        since = self._since
+        since = self.since
         if not since or time <= since[0]:
             return None
         passed = [after - at for at, after in zip(since, (*since[1:], time))]
         if min(passed) < 0.0 or max(passed) > LONGEST:
             return None
         return np.asarray(
-            np.array(passed) @ np.array(self._commands) / (time - since[0]))
+            np.array(passed) @ np.array(self.commands) / (time - since[0]))
 
     def take(
         self, time: float, q: FloatArray, v: FloatArray, torque: FloatArray | None,
@@ -169,8 +169,8 @@ class DriveSamples:
         g, C, M = body.gravity(q), body.coriolis_matrix(q, v), body.mass_matrix(q)
         now = _Begin(time, q, v, M @ v, g - v @ C + viscous * v, M.diagonal(), g)
         self._first, self._report, self.wants_report = now, None, True
-        self._commands.clear()
-        self._since.clear()
+        self.commands.clear()
+        self.since.clear()
         self.due = time - 1e-6 + (
             FIRST_INTERVAL if time < self.start + START else INTERVAL)
         return now

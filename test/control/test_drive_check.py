@@ -223,7 +223,8 @@ def test_no_sample_spans_a_gap():
 # --- the end of the command ----------------------------------------------------------------------
 
 @pytest.mark.parametrize('name', ['ur5', 'panda'])
-@pytest.mark.parametrize('word', ['reversed', 'no effect', 'command scale 0.25', 'command scale 2'])
+@pytest.mark.parametrize('word', [
+    'reversed', 'no effect', 'command scale 0.25', 'command scale 2'])
 @pytest.mark.parametrize('rate', [250.0, 1000.0])
 def test_a_wrong_drive_ends_the_command_before_the_arm_has_moved(name, word, rate):
     one = Driven(name, at(J[name], WRONG[word]), rate=rate)

@@ -19,8 +19,8 @@ class Fault:
     """
     A fault: its name for programs, a message for the operator, and whether it needs a reset.
 
-    If it needs no reset, it ends after `recovery` consecutive good states. The `released` joints, by
-    number, get no effort until then.
+    If it needs no reset, it ends after `recovery` consecutive good states. The `released` joints,
+    by number, get no effort until then.
     """
 
     name: str

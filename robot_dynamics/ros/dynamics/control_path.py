@@ -194,6 +194,11 @@ class ControlPath:
         """Return position and velocity (n,) of a state, and learn where its layout has them."""
         messages = served.messages
         q, v = messages.reader.read(state)
+        if len(state.velocity) not in (0, len(state.name)) and not messages.lacks_velocity:
+            messages.lacks_velocity = True
+            self._log.warn('velocity', (
+                f'Joint states have {len(state.velocity)} velocities for {len(state.name)} names: '
+                'all velocities count as missing'))
         if state.layout is messages.assembly.whole and not messages.awaits_description:
             messages.layout, messages.places = state.layout, messages.reader.places
         return q, v
@@ -227,7 +232,8 @@ class ControlPath:
             if count():
                 self._publish(state, served, answer)
                 break
-        served.drives.take(served.messages.reader, state, output)
+        if served.loop.drives.samples.wants_report:
+            served.drives.take(served.messages.reader, state, output)
         if served.external.is_on:
             fault = served.external.fault(
                 served.messages.reader, state, q, output.state.v, verdict, output.robot_gravity)

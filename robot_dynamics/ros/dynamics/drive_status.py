@@ -39,10 +39,12 @@ class DriveStatus:
         self._obstacle = ''
 
     def take(self, reader: JointStateReader, state: SensedState, output: ControlOutput) -> None:
-        """Take the efforts that a state reports, after its command; an error drops only them."""
+        """
+        Take the efforts that a state reports, after its command; an error drops only them.
+
+        Once per sample, if it `wants_report`.
+        """
         samples = self._loop.drives.samples
-        if not samples.wants_report:
-            return
         samples.wants_report = False
         self._loop.is_heard = self._is_heard() and not self._has_position_drives()
         convention = self._convention

@@ -36,6 +36,8 @@ class ArmMessages:
         self.layout: Layout | None = None
         """The layout of complete states whose numbers `places` finds."""
         self.places: IntArray = np.zeros(0, dtype=np.intp)
+        self.lacks_velocity = False
+        """Whether velocities of another number than the names were seen."""
         self.foreign_joints = ''
         """Reason why the embedded arm is not served, empty if it is."""
         self.awaits_description, self.used_at = is_embedded, time.monotonic()

@@ -34,6 +34,8 @@ class JointStateReader:
         """
         Return position (n,) and velocity (n,), None if a velocity is missing or NaN.
 
+        Velocities of another number than the names are missing.
+
         Raises OtherJointsError if the message has none of the joints; InvalidInputError if some
         are missing, a name appears twice, lengths differ, or another value of these joints is
         not finite.
@@ -47,11 +49,12 @@ class JointStateReader:
         q = self._values(message, 'position')
         v = self._velocity(message)
         if layout is not None:
-            self._learn_places(layout, len(message.velocity) > 0)
+            self._learn_places(layout, len(message.velocity) == len(message.name))
         return q, v
 
     def _velocity(self, message: JointState | SensedState) -> FloatArray | None:
-        if not len(message.velocity) or np.isnan(self._values(message, 'velocity', None)).any():
+        if len(message.velocity) != len(message.name) or (
+                np.isnan(self._values(message, 'velocity', None)).any()):
             return None  # `joint_state_broadcaster` sends NaN for a missing interface
         return self._values(message, 'velocity')
 
