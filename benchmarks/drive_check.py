@@ -222,27 +222,29 @@ def is_right(verdict: str, words: tuple[str, ...]) -> bool:
 
 
 def good(name: str, seed: int, rate: float, seconds: float) -> Iterator[str]:
-    """Yield what is said of right drives with loads, pushes and restarts of the states."""
+    """Yield the words on right drives with loads, pushes and gaps in the states."""
     run = Run(name, seed, rate, float(np.random.default_rng(seed).choice([0.0, 0.5, 1.0])))
     said = set[str]()
     for k in range(round(1e3 * seconds)):
         if k % 1500 == 700:
             run.go()
         if k % 2000 == 1400:
-            run.push = 0.15 * run.limit * run.rng.uniform(-1.0, 1.0, len(run.q0))
+            run.push = 0.1 * run.limit * run.rng.uniform(-1.0, 1.0, len(run.q0))
         elif k % 2000 == 1700:
             run.push = np.zeros(len(run.q0))
         if k % 10_000 == 9_000:
             run.k += 400  # a gap in the states
         run.step(None)
+        if run.loop.drives.wrong is None:
+            run.loop.reset()  # a push may be too fast
+        else:
+            yield f'ended: {run.loop.supervisor.fault}'
+            return
         if k % 500 == 0:
             for name_, one in zip(run.arm.joint_names, run.loop.drives.verdicts()):
                 if one.is_wrong and one.verdict not in said:
                     said.add(one.verdict)
                     yield f'{name_}: {one.verdict}'
-    fault = run.loop.supervisor.fault
-    if fault is not None and fault.name == 'wrong_drive':
-        yield f'ended: {fault.message}'
 
 
 def main() -> None:

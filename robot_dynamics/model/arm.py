@@ -279,8 +279,9 @@ def arm_from_urdf(
     Return the arm that the text of a URDF describes; it is never the path of a file.
 
     `joints` names the actuated joints in the wanted order; empty means all moving joints that are
-    no mimic joints, in the order of the document, and may leave the position 0. Other moving joints are locked at 0, or at the
-    limit nearest to 0, and keep their mass. `gravity` [m/s²] is expressed in the base frame.
+    no mimic joints and may leave the position 0, in the order of the document. Other moving joints
+    are locked at 0, or at the limit nearest to 0, and keep their mass. `gravity` [m/s²] is
+    expressed in the base frame.
 
     Raises ModelError if the URDF cannot be used, InvalidInputError for wrong names or gravity.
     """

@@ -202,8 +202,8 @@ def _check_safety_controllers(urdf: str, arm: ArmModel) -> Iterator[Finding]:
         if passes < effort:
             yield Finding(
                 'limits', WARNING, name,
-                f'<safety_controller> of joint {name!r} has k_velocity {k:g}: with ros2_control at '
-                f'most {passes:.4g} of the effort limit {effort:.4g} passes at rest, expected a '
+                f'<safety_controller> of joint {name!r} has k_velocity {k:g}: with ros2_control '
+                f'at most {passes:.4g} of the effort limit {effort:.4g} passes at rest, expected a '
                 'k_velocity of at least the effort limit by the velocity limit, or none')
 
 

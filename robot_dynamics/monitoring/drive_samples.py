@@ -88,12 +88,12 @@ class DriveSamples:
         self.commands: list[FloatArray] = []
         """The commands (n,) of the interval."""
         self.since: list[float] = []
-        """From when [s] on they are in force."""
+        """From when [s] on they are active."""
         self.last = np.zeros(n), np.zeros(n), np.zeros(n)
         """Commanded and needed torque, and acceleration (n,) of the last sample."""
         self._report: FloatArray | None = None
         self.wants_report = True
-        """Whether nobody has asked for the report of this interval yet."""
+        """Whether this interval needs a report."""
         self._nothing = np.full(n, np.nan)
         self._first: _Begin | None = None
         self._skips = True
@@ -183,7 +183,7 @@ class DriveSamples:
 
 
 def starts_at_rest(window: DriveWindow, start: float) -> bool:
-    """Return whether the arm was at rest at the first command; else somebody has moved it."""
+    """Return whether the arm was at rest at the first command, and not moved by hand."""
     passed = np.diff(window.time[:2]).sum() if len(window.time) > 1 else FIRST_INTERVAL
     v = window.velocity[0] - window.acceleration[0] * (window.time[0] - 0.5 * passed - start)
     return bool((np.abs(v) < AT_REST).all())

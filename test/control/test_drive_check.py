@@ -31,7 +31,7 @@ def at(j: int, change: Callable[[float], float]) -> Drive:
 
 
 class Driven(LockStep):
-    """An arm with rotors that the loop does not know, and with drives of its own."""
+    """An arm with rotors that the loop does not know, and with given drives."""
 
     def __init__(
         self, name: str, drive: Drive = lambda tau, g: tau, load: float = 0.0,

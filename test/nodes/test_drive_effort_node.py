@@ -27,7 +27,7 @@ def test_known_drives_hold_and_move_the_arm_with_efforts_of_the_driver(client):
             client, '/holds', 'joint_states', 'effort_command',
             'dynamics/gravity_compensation') as topics:
         states, commands, gravity = topics
-        with closed_loop('/holds', DRIVES, **DRIVES, effort_noise=NOISE) as node:
+        with closed_loop('/holds', DRIVES, **DRIVES, effort_noise=NOISE):
             still = states.wait_count(100)
             bare.wait_count(1)
             first = commands.messages[0]

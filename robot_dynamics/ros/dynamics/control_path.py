@@ -241,7 +241,7 @@ class ControlPath:
                 self.command.fail(fault)
 
     def has_position_drives(self) -> bool:
-        """Return whether drives with a stiffness of their own are commanded."""
+        """Return whether drives with their own stiffness are commanded."""
         return self._drives.has_listeners()
 
     def _has_age(self) -> bool:

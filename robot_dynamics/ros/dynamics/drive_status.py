@@ -31,7 +31,7 @@ class DriveStatus:
         Check the drives of a loop.
 
         `is_heard` returns whether the command has a subscriber, `has_position_drives` whether
-        drives with a stiffness of their own are commanded, which are not checked.
+        drives with their own stiffness are commanded, which are not checked.
         """
         self._node, self._loop, self._convention = node, loop, convention
         self._is_heard, self._has_position_drives = is_heard, has_position_drives

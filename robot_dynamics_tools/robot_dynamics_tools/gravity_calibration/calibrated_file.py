@@ -57,7 +57,7 @@ def _taken_out(values: dict[str, Any], has_command: bool) -> dict[str, Any]:
     """Remove the calibrated parameters of a section, and return them by their full names."""
     names = ['report_scale', 'report_offset', 'report_covariance', *(
         ('command_scale', 'command_offset') if has_command else ())]
-    found = {}
+    found: dict[str, Any] = {}
     for group, prefix in ((values, 'effort.'), (values.get('effort'), '')):
         if isinstance(group, dict):
             found |= {f'effort.{name}': group.pop(f'{prefix}{name}') for name in names
