@@ -203,8 +203,8 @@ def _check_safety_controllers(urdf: str, arm: ArmModel) -> Iterator[Finding]:
             yield Finding(
                 'limits', WARNING, name,
                 f'<safety_controller> of joint {name!r} has k_velocity {k:g}: with ros2_control '
-                f'at most {passes:.4g} of the effort limit {effort:.4g} passes at rest, expected a '
-                'k_velocity of at least the effort limit by the velocity limit, or none')
+                f'at most {passes:.4g} of the effort limit {effort:.4g} passes at rest, expected '
+                'a k_velocity of at least the effort limit by the velocity limit, or none')
 
 
 def _check_friction(arm: ArmModel) -> list[Finding]:

@@ -231,7 +231,7 @@ class DriveModel:
         w = (self.joints.limit / self.noise).T
         C = np.linalg.cholesky(np.eye(len(t)) + K * w[:, :, np.newaxis] * w[:, np.newaxis, :])
         columns = np.concatenate((A, r[..., np.newaxis]), axis=-1).swapaxes(0, 1)
-        both: FloatArray = np.linalg.solve(C, columns)
+        both = np.asarray(np.linalg.solve(C, columns), dtype=np.float64)
         volume = 2.0 * np.log(np.diagonal(C, axis1=1, axis2=2)).sum(axis=1)
         return both[..., :3].swapaxes(0, 1), both[..., 3].T, np.asarray(volume)
 
