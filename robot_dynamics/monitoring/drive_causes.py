@@ -84,6 +84,8 @@ LEAST_CLIP = 0.05
 """Least clipped torque as a fraction of the effort limit: less is no effect beyond friction."""
 CLIP = 0.1, 0.1
 """Mean and deviation of a clipped torque as a fraction of the effort limit."""
+POOR = 2.0
+"""Log evidence per sample below which a cause does not explain it: three times the noise."""
 ALL = -1
 """Instead of a joint: all joints."""
 
@@ -212,6 +214,14 @@ class DriveModel:
         k, rotor = mean[:, 0] + spread[:, 0] * d[:, 0], mean[:, 2] + spread[:, 2] * d[:, 2]
         return Fits(evidence, k, deviation, rotor)
 
+    def explains(self, fits: Fits) -> BoolArray:
+        """Return at which joints (n,) the residuals are those of the noise."""
+        return np.asarray(fits.evidence > -POOR * (self.counts.sum(axis=0) + 5.0))
+
+    def explains_arm(self, fits: Fits) -> bool:
+        """Return whether the residuals of all joints together are those of the noise."""
+        return bool(fits.evidence.sum() > -POOR * (self.counts.sum(axis=0) + 5.0).sum())
+
     def right(self) -> Fits:
         """Return the fits of right drives, with the rotor that fits better and is not negative."""
         light, joints = self.fit(self.window.commanded, (1.0, MODEL)), self.joints
@@ -318,12 +328,13 @@ def compare(
     found = [
         Cause(GOOD, ALL, 0.0), Cause(PUSHED, ALL, push + float(pushed.sum()) - base),
         Cause(LOADED, ALL, model.load(columns) - base),
-        Cause(GRAVITY, ALL, float(gravity.evidence.sum()) - base)]
+        Cause(GRAVITY, ALL, float(gravity.evidence.sum()) - base if (
+            model.explains_arm(gravity)) else -np.inf)]
     doubt = np.full(len(good.gain), -np.inf)
     for name, fits in (
             *((name, model.fit(u, gain)) for name, gain in GAINS.items()),
             (CLIPPED, model.clipped())):
-        more = fits.evidence - good.evidence
+        more = np.where(model.explains(fits), fits.evidence - good.evidence, -np.inf)
         doubt = np.maximum(doubt, more)
         found += [
             Cause(name, j, float(more[j]), float(fits.gain[j]), float(fits.deviation[j]))
@@ -350,9 +361,10 @@ def _in_motion(model: DriveModel, columns: FloatArray) -> tuple[Fits, FloatArray
     doubt = np.maximum(*(model.fit(u, GAINS[name]).evidence for name in (REVERSED, NO_EFFECT)))
     pushed = np.maximum(model.fit(u, right, is_pushed=True).evidence, good.evidence)
     known = max(float(pushed.sum()), model.load(columns))
-    late = [Cause(DELAYED, ALL, float(
-        model.fit(_delayed(window, d), right).evidence.sum()) - known, d, 0.25 * INTERVAL)
-        for d in DELAYS]
+    fits = [(d, model.fit(_delayed(window, d), right)) for d in DELAYS]
+    late = [
+        Cause(DELAYED, ALL, float(one.evidence.sum()) - known, d, 0.25 * INTERVAL)
+        for d, one in fits if model.explains_arm(one)]
     model.only(before)
     return free, doubt - good.evidence, late
 
