@@ -84,6 +84,8 @@ LEAST_CLIP = 0.05
 """Least clipped torque as a fraction of the effort limit: less is no effect beyond friction."""
 CLIP = 0.1, 0.1
 """Mean and deviation of a clipped torque as a fraction of the effort limit."""
+AGAINST = 3.0
+"""Log evidence at a joint against a cause of the whole arm, or for it."""
 POOR = 2.0
 """Log evidence per sample below which a cause does not explain it: three times the noise."""
 ALL = -1
@@ -364,9 +366,15 @@ def _in_motion(model: DriveModel, columns: FloatArray) -> tuple[Fits, FloatArray
     fits = [(d, model.fit(_delayed(window, d), right)) for d in DELAYS]
     late = [
         Cause(DELAYED, ALL, float(one.evidence.sum()) - known, d, 0.25 * INTERVAL)
-        for d, one in fits if model.explains_arm(one)]
+        for d, one in fits if model.explains_arm(one) and _is_common(
+            one.evidence - good.evidence)]
     model.only(before)
     return free, doubt - good.evidence, late
+
+
+def _is_common(more: FloatArray) -> bool:
+    """Return whether log evidence (n,) favours a cause at several joints, opposes it at none."""
+    return bool((more > -AGAINST).all() and (more > AGAINST).sum() >= min(3, len(more)))
 
 
 def _delayed(window: DriveWindow, delay: float) -> FloatArray:

@@ -17,7 +17,7 @@ G = ArmDynamics(load_arm(default_arm_urdf())).gravity(START)
 SCALE, OFFSET = [0.7, 1.3], [8.0, -4.0]
 DRIVES = {
     'joints': NAMES, 'effort.command_scale': SCALE, 'effort.command_offset': OFFSET,
-    'effort.report_scale': SCALE, 'effort.report_offset': OFFSET}
+    'effort.report_scale': [*SCALE], 'effort.report_offset': [*OFFSET]}  # no aliases in YAML
 NOISE = 0.02
 """Standard deviation of the measured effort [N·m]."""
 
