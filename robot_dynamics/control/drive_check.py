@@ -153,20 +153,21 @@ class DriveCheck:
         found = candidates(comparison)
         if not found:
             return None
-        self._found.update(causes_verdicts(comparison, found))
+        verdicts = causes_verdicts(comparison, found)
+        self._found.update(verdicts)
         self.wrong = WrongDrive(time, found[0])
-        return self._fault(found)
+        return self._fault(found, verdicts)
 
-    def _fault(self, found: list[Cause]) -> Fault:
+    def _fault(self, found: list[Cause], verdicts: dict[int, Verdict]) -> Fault:
         """Return the fault of causes: it releases joints that their drives may turn to motors."""
-        worst = next(iter(self._found))
+        worst = next(iter(verdicts))
         drives = any(
             one.name in (REVERSED, GRAVITY) or one.name == SCALE and not 0.0 <= one.value <= 1.0
             for one in found)
-        name, verdict = self._controller.arm.joint_names[worst], self._found[worst]
+        name, verdict = self._controller.arm.joint_names[worst], verdicts[worst]
         return Fault(
             'wrong_drive', f'{name!r}: {verdict.verdict}; {verdict.sentence}', latched=True,
-            released=tuple(self._found) if drives else ())
+            released=tuple(verdicts) if drives else ())
 
     def _is_suspicious(self, u: FloatArray, y: FloatArray, a: FloatArray) -> bool:
         """Return whether a sample needs more torque y than that of a right drive."""

@@ -57,7 +57,7 @@ STEADY = 0.5
 """Least distance by way of a joint that does not vibrate."""
 PUSH = 0.3
 """Deviation of a push as a fraction of the effort limit."""
-PUSH_ODDS = -7.0, 8.0
+PUSH_ODDS = -7.0, 12.0
 """
 Log odds of a push, against a wrong drive, within START and later.
 
@@ -74,6 +74,8 @@ GOOD, PUSHED, LOADED, GRAVITY = 'agrees', 'a push or a contact', 'a load', 'adds
 RIGHT = GOOD, PUSHED, LOADED
 REVERSED, NO_EFFECT, SCALE, CLIPPED = 'reversed', 'no effect', 'command scale', 'clipped at'
 DELAYED = 'delayed by'
+DELAY_MARGIN = 40.0
+"""Log evidence that a delay needs more: loads and rotors in a fast motion look like one."""
 DELAYS = 0.03, 0.04, 0.06, 0.08
 """[s]: shorter ones cannot be told from the model in samples of 40 ms."""
 GAINS = {REVERSED: (-1.0, 0.1), NO_EFFECT: (0.0, 0.03), SCALE: (1.5, 1.5)}
@@ -365,7 +367,7 @@ def _in_motion(model: DriveModel, columns: FloatArray) -> tuple[Fits, FloatArray
     known = max(float(pushed.sum()), model.load(columns))
     fits = [(d, model.fit(_delayed(window, d), right)) for d in DELAYS]
     late = [
-        Cause(DELAYED, ALL, float(one.evidence.sum()) - known, d, 0.25 * INTERVAL)
+        Cause(DELAYED, ALL, float(one.evidence.sum()) - known - DELAY_MARGIN, d, 0.25 * INTERVAL)
         for d, one in fits if model.explains_arm(one) and _is_common(
             one.evidence - good.evidence)]
     model.only(before)
