@@ -122,7 +122,9 @@ class HiddenArm:
                 'simulated_arm': node_command(SIMULATED_ARM, {
                     **common, **self.friction(True), 'lock_step': True, 'rate': RATE,
                     'paused': True,
-                    'effort.scale': self.scale.tolist(), 'effort.offset': self.offset.tolist(),
+                    **{f'effort.{direction}_{quantity}': values.tolist()
+                       for direction in ('command', 'report') for quantity, values in (
+                           ('scale', self.scale), ('offset', self.offset))},
                     'initial_position': (0.5 * (low + high)).tolist(),
                     'seed': int(self.rng.integers(1000)),
                     'effort_noise': float(NOISE * self.arm.limits.effort.min())})}):

@@ -23,6 +23,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.braking import braked, coasting
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.drive_check import DriveCheck
 from robot_dynamics.control.endings import Endings
 from robot_dynamics.control.gate import Gate, Signals
 from robot_dynamics.control.goal_execution import GoalExecution
@@ -100,6 +101,9 @@ class ControlLoop:
         if before is not None:
             self._continue(before.supervisor)
         self._endings = Endings(controller, self.goals, self.supervisor)
+        self.drives = DriveCheck(controller)
+        self.is_heard = True
+        """Whether a drive receives the command."""
         self.is_active = False
         self.restarts: Counter[str] = Counter()
         self.states = 0
@@ -107,6 +111,8 @@ class ControlLoop:
         self._steady = 0.0
         self._output: ControlOutput | None = None
         """The output for the last new state."""
+        if self.supervisor.limiter.last is not None:
+            self.drives.go_on()
         if before is not None and before.is_active:
             self.activate()
 
@@ -247,21 +253,23 @@ class ControlLoop:
             steady_ns = clock_ns if steady_ns is None else steady_ns
             now = self._steady = 1e-9 * steady_ns
             try:
-                if v is None and self.supervisor.options.requires_velocities:
-                    raise ImplausibleStateError(
-                        'no velocity', 'velocity is empty, expected one value per joint '
-                        '(require_measured_velocities)')
                 signals = self.gate.take(
                     stamp_ns, q, v, clock_ns, steady_ns, has_several_publishers)
                 if signals.verdict.restart and self.states > 0:
                     self.restarts[signals.verdict.restart] += 1
                     self._endings.restart(now, signals.verdict.restart)
+                    self.drives.restart()
                 if now > self.goals.stream.deadline:
                     self._endings.end(now, self.goals.pause())
                 answer = self._answer(signals, now, fault)
                 if publish is not None and answer.effort is not None:
                     publish(answer.effort)
                 if signals.verdict.is_new:
+                    wrong = self.drives.take(
+                        1e-9 * signals.verdict.stamp, answer.output,
+                        answer.effort if self.is_heard else None)
+                    if wrong is not None:
+                        self.end(now, Ending.by(wrong))
                     if self.goals.goal is not None:
                         self.goals.judge()
                     self.controller.evaluate()
@@ -289,6 +297,8 @@ class ControlLoop:
         if output.command is None:
             supervisor.end(now, Ending(Kind.RELEASE_NOW, 'there is no command'))
             return LoopAnswer(None, output, verdict)
+        if output.law.tracking is not None and 1e-9 * verdict.stamp < self.drives.soft_until:
+            output.command = self.drives.softened(1e-9 * verdict.stamp, output, output.command)
         tracking = output.law.tracking
         if tracking is not None and tracking.exceeds_limit:
             fault = fault or Fault(FOLLOWING_ERROR, output.state.feedback.worst_error(
@@ -319,4 +329,7 @@ class ControlLoop:
         with self.lock:
             effort = self.supervisor.tick(now, partial(coasting, self.controller))
             self._endings.follow(now)
+            if effort is not None and self.controller.state is not None:
+                self.drives.command(
+                    1e-9 * self.controller.state[0] + now - self._steady, effort)
             return effort

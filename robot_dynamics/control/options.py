@@ -90,7 +90,7 @@ def default_options(arm: ArmModel, **options: Any) -> ControllerOptions:
     rates = default_effort_rates(arm)
     defaults: dict[str, Any] = {
         'gains': make_gains(arm.joint_names),
-        'effort_rate': rates if arm.drive is None else arm.drive.scale * rates,
+        'effort_rate': rates if arm.drive is None else np.abs(arm.drive.scale) * rates,
         'scales_gains': True, 'conditions_references': True, 'stops_and_holds': True,
         'checks_goals': True}
     return ControllerOptions(**{**defaults, **options})
@@ -101,4 +101,4 @@ def default_limits(arm: ArmModel) -> EffortLimits:
     limits = arm.limits
     return EffortLimits(
         limits.lower, limits.upper, limits.velocity, default_effort_rates(arm),
-        arm.given_drive.limit)
+        arm.given_drive.limit, np.sign(arm.given_drive.scale))

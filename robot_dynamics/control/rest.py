@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.drive_check import DriveCheck
 from robot_dynamics.control.gate import LEFT
 from robot_dynamics.control.laws.law_table import NO_COMMAND
 from robot_dynamics.control.trajectory_goal import GOAL_TOLERANCE, LATE
@@ -71,10 +72,11 @@ def is_held(controller: Controller, q: FloatArray, error: FloatArray) -> BoolArr
     return np.asarray(np.abs(K @ error) <= holding)
 
 
-def shortfall(controller: Controller) -> str:
+def shortfall(controller: Controller, drives: DriveCheck) -> str:
     """
     Return which joint rests most beyond GOAL_TOLERANCE from the end of its reference, and why.
 
+    Friction, loads and contacts are named only if the motion has confirmed the drive of the joint.
     The result is empty if there is none, during a motion, and for LATE seconds afterwards.
     """
     with controller.lock:
@@ -95,6 +97,8 @@ def shortfall(controller: Controller) -> str:
     units = units_of(arm.joint_kinds[j])
     if abs(needed) > limit:
         cause = f'its effort limit of {limit:g} {units.effort} does not suffice'
+    elif not drives.is_right(j):
+        cause = 'the drive is not known (status drive): its effort, the model or friction holds it'
     elif may_hold and arm.friction.at_rest.static[j] > 0.0:
         cause = (
             'dry friction can hold it: identify friction and rotor, or give '

@@ -5,14 +5,15 @@
 The effort of a drive: scale and offset between the driver's effort and the torque at the joint.
 
 A driver computes torques from currents with its own torque constants, and its sensors have an
-offset. Its effort e, commanded and measured, on the joint side of the gearbox, therefore differs
-from the torque τ at the joint:
+offset. Its effort e, on the joint side of the gearbox, therefore differs from the torque τ at the
+joint:
 
     τ = s (e − o)
 
-s is the parameter `effort.scale` (wrong torque constants give s ≠ 1), o is `effort.offset`, the
-driver's effort at zero torque. Efforts that the robot adds on its own (`effort_convention`) pass
-the same drive: e is their sum with the commanded effort.
+Wrong torque constants give s ≠ 1, an opposite sign gives s < 0; o is the driver's effort at zero
+torque. The command and the report have their own s and o (`effort.command_scale`,
+`effort.report_scale`): a driver may convert only one of them. Efforts that the robot adds on its
+own (`effort_convention`) pass the drive with the command: e is their sum.
 """
 
 from collections.abc import Sequence
@@ -25,7 +26,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.parameter_field import per_joint_values
 
 LEAST_SCALE, LARGEST_SCALE = 0.2, 5.0
-"""Range of the scale s: another value is an error of unit, not of a torque constant."""
+"""Range of the magnitude of s: another value is an error of unit, not of a torque constant."""
 LARGEST_OFFSET = 0.2
 """Largest offset as a fraction of the effort limit."""
 
@@ -33,7 +34,7 @@ LARGEST_OFFSET = 0.2
 @dataclass(frozen=True, eq=False)
 class EffortCalibration:
     """
-    The drives of n joints; checked by `make_effort_calibration`.
+    The command or the report of the drives of n joints; checked by `make_effort_calibration`.
 
     `scale` s (n,) is the torque at the joint per unit of the driver's effort, `offset` o (n,)
     [N·m] or [N] the driver's effort at zero torque. `limit` L (n,) [N·m] or [N] is the effort
@@ -74,12 +75,12 @@ class EffortCalibration:
         """
         Return the largest torque (n,) in both directions within a fraction of the effort limit.
 
-        This is min(L, s (L − |o|)) with the effort limit L × fraction, at least 0.
+        This is min(L, |s| (L − |o|)) with the effort limit L × fraction, at least 0.
         """
         limit = self.limit.copy()
         limit[np.isfinite(limit)] *= fraction
         return np.maximum(
-            np.minimum(limit, self.scale * (limit - np.abs(self.offset))), 0.0)
+            np.minimum(limit, np.abs(self.scale) * (limit - np.abs(self.offset))), 0.0)
 
 
 def drive_quantities(joint_names: Sequence[str]) -> list[str]:
@@ -90,29 +91,33 @@ def drive_quantities(joint_names: Sequence[str]) -> list[str]:
 def make_effort_calibration(
     joint_names: Sequence[str], scale: npt.ArrayLike = (), offset: npt.ArrayLike = (),
     limit: npt.ArrayLike = np.inf, covariance: FloatArray | None = None,
+    direction: str = 'command',
 ) -> EffortCalibration | None:
     """
     Return checked drives, None if s is exactly 1 and o exactly 0 at every joint.
 
+    `direction` is `command` or `report`, for the names in messages.
+
     `scale` and `offset` are empty (1 and 0), one number for all joints, or one value per joint;
     `limit` is one effort limit [N·m] or [N] or one per joint, may be infinite, and is not checked.
     `covariance` (2n, 2n) is already checked (`validation.covariance_root`). Raises
-    InvalidInputError for another number of values, for a scale outside LEAST_SCALE to
-    LARGEST_SCALE, and for an offset beyond LARGEST_OFFSET of the effort limit.
+    InvalidInputError for another number of values, for a scale whose magnitude is outside
+    LEAST_SCALE to LARGEST_SCALE, and for an offset beyond LARGEST_OFFSET of the effort limit.
     """
     n = len(joint_names)
-    s = per_joint_values('effort.scale', scale, joint_names, np.ones(n))
-    o = per_joint_values('effort.offset', offset, joint_names, np.zeros(n))
+    of_scale, of_offset = f'effort.{direction}_scale', f'effort.{direction}_offset'
+    s = per_joint_values(of_scale, scale, joint_names, np.ones(n))
+    o = per_joint_values(of_offset, offset, joint_names, np.zeros(n))
     limits = np.full(n, limit, dtype=np.float64)
     for name, factor, zero, most in zip(joint_names, s.tolist(), o.tolist(), limits.tolist()):
-        if not LEAST_SCALE <= factor <= LARGEST_SCALE:
+        if not LEAST_SCALE <= abs(factor) <= LARGEST_SCALE:
             raise InvalidInputError(
-                f'effort.scale of {name!r} is {factor:g}, expected a number in '
+                f'{of_scale} of {name!r} is {factor:g}, expected a magnitude in '
                 f'[{LEAST_SCALE:g}, {LARGEST_SCALE:g}]')
         bound = LARGEST_OFFSET * most
         if abs(zero) > bound:
             raise InvalidInputError(
-                f'effort.offset of {name!r} is {zero:g}, expected a number in '
+                f'{of_offset} of {name!r} is {zero:g}, expected a number in '
                 f'[{-bound:g}, {bound:g}], {100.0 * LARGEST_OFFSET:g} % of the effort limit '
                 f'{most:g}')
     if covariance is None and (s == 1.0).all() and not o.any():

@@ -125,6 +125,7 @@ class ArmModel:
     actuators: Actuators | None = None
     reductions: Reductions = field(default_factory=dict)
     drive: EffortCalibration | None = None
+    report: EffortCalibration | None = None
     uncertainty: ModelUncertainty | None = None
 
     def __repr__(self) -> str:
@@ -204,8 +205,18 @@ class ArmModel:
     @property
     def given_drive(self) -> EffortCalibration:
         """The drives; scale 1 and offset 0, both exact, if `drive` is not set."""
+        return self.drive or self._exact
+
+    @property
+    def given_report(self) -> EffortCalibration:
+        """The report of the drives; scale 1 and offset 0, both exact, if `report` is not set."""
+        return self.report or replace(
+            self._exact, limit=self.given_drive.limit)
+
+    @property
+    def _exact(self) -> EffortCalibration:
         n = self.joint_count
-        return self.drive or EffortCalibration(np.ones(n), np.zeros(n), self.limits.effort)
+        return EffortCalibration(np.ones(n), np.zeros(n), self.limits.effort)
 
     def with_rotors_apart(self, apart: BoolArray) -> 'ArmModel':
         """Return this arm without the rotors of the joints for which `apart` (n,) is true."""
@@ -267,8 +278,9 @@ def arm_from_urdf(
     Return the arm that the text of a URDF describes; it is never the path of a file.
 
     `joints` names the actuated joints in the wanted order; empty means all moving joints that are
-    no mimic joints, in the order of the document. Other moving joints are locked at 0, or at the
-    limit nearest to 0, and keep their mass. `gravity` [m/s²] is expressed in the base frame.
+    no mimic joints and may leave the position 0, in the order of the document. Other moving joints
+    are locked at 0, or at the limit nearest to 0, and keep their mass. `gravity` [m/s²] is
+    expressed in the base frame.
 
     Raises ModelError if the URDF cannot be used, InvalidInputError for wrong names or gravity.
     """
@@ -334,13 +346,14 @@ def _actuated_joints(robot: UrdfRobot, names: Sequence[str]) -> tuple[UrdfJoint,
         if name not in candidates:
             raise InvalidInputError(
                 f'joints has {name!r}, expected joints out of {list(candidates)}')
-    actuated = tuple(candidates[name] for name in names) or tuple(candidates.values())
-    for joint in actuated:
-        if joint.lower == joint.upper == 0.0:
+    closed = [name for name, joint in candidates.items() if joint.lower == joint.upper == 0.0]
+    for name in closed:
+        if name in names or len(closed) == len(candidates):
             raise ModelError(
-                f'robot_description: joint {joint.name!r} is {joint.kind} with lower=0 and '
-                'upper=0, expected a range (lower below upper), or type fixed')
-    return actuated
+                f'robot_description: joint {name!r} is {candidates[name].kind} with lower=0 and '
+                'upper=0, expected a range (lower below upper), or other names in joints')
+    return tuple(candidates[name] for name in names) or tuple(
+        joint for name, joint in candidates.items() if name not in closed)
 
 
 def _without_joints(model: pin.Model, positions: dict[str, float]) -> pin.Model:

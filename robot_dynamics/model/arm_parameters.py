@@ -105,9 +105,13 @@ def arm_from_parameters(
         {field.name: of_joints(f'{group}.{field.name}') for field in of_group}
         for group, of_group in (('friction', FRICTION_FIELDS), ('actuator', fields(Actuators))))
     arm = arm.with_friction(make_friction(names, **friction, default=arm.friction))
-    arm = arm.with_drive(make_effort_calibration(
-        names, of_joints('effort.scale'), of_joints('effort.offset'), arm.limits.effort,
-        _drive_covariance(values, whole, names)))
+    covariance, limit = _report_covariance(values, whole, names), arm.limits.effort
+    command, report = (
+        make_effort_calibration(
+            names, of_joints(f'effort.{direction}_scale'), of_joints(f'effort.{direction}_offset'),
+            limit, of_direction, direction)
+        for direction, of_direction in (('command', None), ('report', covariance)))
+    arm = replace(arm.with_drive(command), report=report)
     if set(names) == set(whole.joint_names):
         arm = replace(arm, uncertainty=make_uncertainty(
             arm, [_current(name) for name in values.get('uncertainty.parameters', ())],
@@ -159,11 +163,11 @@ def _of_joints(
     return [float(given[place]) for place in _places(name, arm, joints)]
 
 
-def _drive_covariance(
+def _report_covariance(
     values: Mapping[str, Any], arm: ArmModel, joints: Sequence[str],
 ) -> FloatArray | None:
-    """Return the covariance (2m, 2m) of the drives of m `joints`, None if it is not given."""
-    name = 'effort.covariance'
+    """Return the covariance (2m, 2m) of the reports of m `joints`, None if it is not given."""
+    name = 'effort.report_covariance'
     value = values.get(name, ())
     if not len(value):
         return None

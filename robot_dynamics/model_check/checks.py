@@ -21,12 +21,20 @@ from robot_dynamics.model_check.finding import ERROR, errors_of, Finding, WARNIN
 from robot_dynamics.model_check.mass_matrix_check import InertiaMatrix, survey_inertia
 from robot_dynamics.model_check.rotor_check import check_rotors
 from robot_dynamics.urdf.inertials import LinkBody, MeshBounds, read_bodies, read_joint_origins
-from robot_dynamics.urdf.parser import links_from, parse_urdf, resolve_mimic, UrdfRobot
+from robot_dynamics.urdf.parser import (
+    links_from,
+    parse_urdf,
+    resolve_mimic,
+    safety_controllers,
+    UrdfRobot,
+)
 
 LARGEST_CONDITION = 1e6
 """Condition number of M(q) above which accelerations lose half the digits of their efforts."""
 LARGEST_SURVEY = 256
 """Largest number of positions at which M(q) is evaluated."""
+LEAST_MASS_PER_LENGTH = 0.3
+"""[kg/m] of all links that move: hobby arms of printed links have 1 kg/m and more."""
 
 
 def check_model(
@@ -50,13 +58,14 @@ def check_model(
     moved = _moved_bodies(robot, arm, bodies)
     M = survey_inertia(arm, min(search.samples, LARGEST_SURVEY))
     of_bodies = [
-        *body_checks.check_masses(moved), *body_checks.check_inertias(moved),
+        *body_checks.check_masses(moved), *_check_whole_mass(arm, moved),
+        *body_checks.check_inertias(moved),
         *body_checks.check_extents(moved, read_joint_origins(urdf)), *check_densities(moved),
         *body_checks.check_lost_masses(moved)]
     findings = [
         *of_bodies,
         *_check_inertia_matrix(arm, robot, moved, M, bool(errors_of(of_bodies))),
-        *_check_limits(arm),
+        *_check_limits(arm), *_check_closed(arm, robot), *_check_safety_controllers(urdf, arm),
         *_check_friction(arm),
         *check_rotors(arm, M.diagonal),
         *_check_gravity(arm, search)]
@@ -72,6 +81,19 @@ def _moved_bodies(robot: UrdfRobot, arm: ArmModel, bodies: list[LinkBody]) -> li
         if joint.moves and resolve_mimic(joint, robot.joints).leader not in arm.locked_joints
         for name in links_from(robot.joints, [joint.child])}
     return [body for body in bodies if body.name in names]
+
+
+def _check_whole_mass(arm: ArmModel, moved: list[LinkBody]) -> Iterator[Finding]:
+    """Yield an arm that is lighter than any, by its length."""
+    model = arm.unloaded_model
+    length = sum(float(np.linalg.norm(place.translation)) for place in model.jointPlacements[2:])
+    mass = sum(body.mass or 0.0 for body in moved)
+    if mass < LEAST_MASS_PER_LENGTH * length:
+        yield Finding(
+            'mass', WARNING, '',
+            f'the links that move have {mass:.3g} kg, and their joints are {length:.3g} m apart, '
+            f'expected at least {LEAST_MASS_PER_LENGTH:g} kg per metre: the masses may be those '
+            'of an exporter without materials')
 
 
 # ----------------------------------------------------------------------------------------- joints
@@ -121,6 +143,36 @@ def _check_limits(arm: ArmModel) -> Iterator[Finding]:
                 'limits', WARNING, name,
                 f'joint {name!r} has the position limits [{lower:g}, {upper:g}], expected lower '
                 'below upper')
+
+
+def _check_closed(arm: ArmModel, robot: UrdfRobot) -> Iterator[Finding]:
+    """Yield the joints that count as fixed because their limits are both 0."""
+    for name in arm.locked_joints:
+        joint = robot.joint(name)
+        if joint.lower == joint.upper == 0.0:
+            yield Finding(
+                'limits', WARNING, name,
+                f'joint {name!r} has the position limits [0, 0] and counts as fixed, expected '
+                'lower below upper if it moves')
+
+
+def _check_safety_controllers(urdf: str, arm: ArmModel) -> Iterator[Finding]:
+    """
+    Yield the joints whose <safety_controller> lets no effort through that holds the arm.
+
+    ros2_control clips the effort at rest to k_velocity times the velocity limit.
+    """
+    for name, k in safety_controllers(urdf).items():
+        if name not in arm.joint_names:
+            continue
+        j = arm.joint_names.index(name)
+        effort, passes = arm.limits.effort[j], k * arm.limits.velocity[j]
+        if passes < effort:
+            yield Finding(
+                'limits', WARNING, name,
+                f'<safety_controller> of joint {name!r} has k_velocity {k:g}: with ros2_control '
+                f'at most {passes:.4g} of the effort limit {effort:.4g} passes at rest, expected '
+                'a k_velocity of at least the effort limit by the velocity limit, or none')
 
 
 def _check_friction(arm: ArmModel) -> list[Finding]:

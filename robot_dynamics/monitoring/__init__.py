@@ -5,7 +5,6 @@
 
 from robot_dynamics.monitoring.contact_levels import ContactLevels
 from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.monitoring.gravity_check import GravityCheck
 from robot_dynamics.monitoring.state_plausibility import StatePlausibility
 
-__all__ = ['ContactLevels', 'ExternalEffort', 'GravityCheck', 'StatePlausibility']
+__all__ = ['ContactLevels', 'ExternalEffort', 'StatePlausibility']

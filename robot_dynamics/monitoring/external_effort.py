@@ -27,7 +27,7 @@ def joint_effort(
     """Return the joint effort (n,) for an effort (n,) that the robot or the drives report."""
     effort = joint_from_measured(
         convention.measured_effort, measured, v, robot_gravity, arm.actuators)
-    return effort if arm.drive is None else arm.drive.torque(effort)
+    return effort if arm.report is None else arm.report.torque(effort)
 
 
 class _Known(NamedTuple):

@@ -26,7 +26,7 @@ class InnerController:
 
     def __init__(self, arm: ArmModel, convention: EffortConvention) -> None:
         self.convention = convention
-        self.drive = arm.drive
+        self.drive, self._report = arm.drive, arm.report
         self.idle_effort = arm.given_drive.offset
         """The commanded effort (n,) at which the drives deliver no torque."""
         gravity = convention.robot_gravity
@@ -59,8 +59,8 @@ class InnerController:
         arm.
         """
         lacks_gravity = self.convention.lacks_gravity and not braked
-        if self.drive is not None and not braked:
-            effort = self.drive.effort(effort)
+        if self._report is not None and not braked:
+            effort = self._report.effort(effort)
         gravity = self._dynamics.rigid_body.gravity(q) if lacks_gravity else np.zeros_like(q)
         return measured_from_joint(
             self.convention.measured_effort, effort, v, gravity, self._dynamics.arm.actuators)

@@ -111,6 +111,15 @@ def parse_urdf(xml: str) -> UrdfRobot:
         name, root_link, link_names, joints, pinocchio_urdf(root), read_reductions(root))
 
 
+def safety_controllers(xml: str) -> dict[str, float]:
+    """Return k_velocity [N·m·s/rad] or [N·s/m] of each `<safety_controller>`, by joint."""
+    return {
+        joint.get('name') or '': _number(
+            joint.find('safety_controller'), 'k_velocity', 0.0, f'joint {joint.get("name")!r}')
+        for joint in robot_element(xml).findall('joint')
+        if joint.find('safety_controller') is not None}
+
+
 def resolve_mimic(joint: UrdfJoint, joints: Iterable[UrdfJoint]) -> Mimic:
     """
     Return the relation of a joint to the joint at the head of its chain of leaders.

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands for drives with a scale and an offset: the torque at the joints, and the limits."""
 
+from dataclasses import replace
 from typing import Any
 
 from controller_bench import update
@@ -30,7 +31,7 @@ Q, V, ZERO = np.array([0.8, 0.5]), np.array([0.5, -0.3]), np.zeros(2)
 NOW = 1_000_000_000
 
 laws = settings(max_examples=40)
-scales = st.tuples(st.floats(0.2, 5.0), st.floats(0.2, 5.0))
+scales = st.tuples(*2 * (st.floats(0.2, 5.0) | st.floats(-5.0, -0.2),))
 offsets = st.tuples(st.floats(-30.0, 30.0), st.floats(-12.0, 12.0))
 angles = st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)).map(np.array)
 robots = st.sampled_from([(), ('gravity',), ('friction',), ('gravity', 'friction')])
@@ -38,7 +39,7 @@ robots = st.sampled_from([(), ('gravity',), ('friction',), ('gravity', 'friction
 
 def driven(arm: ArmModel, scale: Any, offset: Any) -> tuple[ArmModel, EffortCalibration]:
     drive = make_effort_calibration(NAMES, scale, offset, LIMIT)
-    return arm.with_drive(drive), drive
+    return replace(arm.with_drive(drive), report=drive), drive
 
 
 def controller(arm: ArmModel, robot: tuple[str, ...], **options: Any) -> Controller:

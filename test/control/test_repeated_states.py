@@ -26,6 +26,7 @@ def efforts(
     """
     rng, clock = np.random.default_rng(seed), np.random.default_rng(seed + len(repeats))
     loop, steady, found = ControlLoop.of_arm(ARM), 0, []
+    loop.is_heard = False  # these states do not follow the commands
     q, v = np.array([0.8, 0.5]), np.array([0.3, -0.2]) if moves else np.zeros(2)
     for k in range(count):
         if k == goal_at:

@@ -3,7 +3,7 @@
 
 """A joint that rests away from the end of its reference is named, with the probable cause."""
 
-from lock_step_loop import FIRST_STAMP, MS, smooth_arm
+from lock_step_loop import FIRST_STAMP, LockStep, MS, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.control.loop import ControlLoop
@@ -16,11 +16,10 @@ GOAL = np.array([0.8, 0.7])
 
 
 def rests_at(
-    position: np.ndarray, coulomb: float = 0.0, patience: float = 0.51,
+    position: np.ndarray, patience: float = 0.51,
 ) -> str:
     """Return the shortfall of an arm that rests at a position `patience` [s] after its motion."""
     arm = smooth_arm('default')
-    arm = arm.with_friction(make_friction(arm.joint_names, coulomb=[coulomb]))
     loop = ControlLoop.of_arm(arm)
     # A motion of the arm that stops short; its sensors have noise.
     k, last_ns = 0, FIRST_STAMP + 200 * MS
@@ -35,7 +34,7 @@ def rests_at(
         loop.answer(FIRST_STAMP + k * MS, q + 1e-9 * (k % 7), None)
         k += 2
     assert loop.supervisor.fault_count == 0
-    return shortfall(loop.controller)
+    return shortfall(loop.controller, loop.drives)
 
 
 def test_a_joint_at_its_goal_is_not_named():
@@ -50,17 +49,32 @@ def test_a_joint_is_not_named_within_half_a_second_after_its_motion():
     assert rests_at(GOAL - [0.0, 0.1], patience=0.51) != ''
 
 
-@pytest.mark.parametrize(('missing', 'coulomb', 'cause'), [
-    (0.03, 1.5, 'dry friction can hold it'),
-    (0.03, 0.0, 'dry friction, which the model lacks, can hold it'),
-    (0.15, 0.0, 'a load that the model does not contain')])
-def test_a_joint_that_does_not_arrive_is_named(missing, coulomb, cause):
-    words = rests_at(GOAL - [0.0, missing], coulomb=coulomb)
+@pytest.mark.parametrize('missing', [0.03, 0.15])
+def test_neither_friction_nor_a_load_is_named_before_the_drive_is_known(missing):
+    words = rests_at(GOAL - [0.0, missing])
     assert words.startswith(
         f"'joint2' rests {1e3 * missing:.3g} mrad from its goal, expected at most 10 mrad")
-    assert cause in words
+    assert words.endswith(
+        'the drive is not known (status drive): its effort, the model or friction holds it')
     assert 'stiffness' in words
     assert 'N·m/rad' in words
+
+
+@pytest.mark.parametrize(('push', 'coulomb', 'cause'), [
+    (2.5, 1.5, 'dry friction can hold it'),
+    (2.5, 0.0, 'dry friction, which the model lacks, can hold it'),
+    (20.0, 0.0, 'a load that the model does not contain')])
+def test_the_cause_is_named_once_a_motion_has_confirmed_the_drive(push, coulomb, cause):
+    arm = smooth_arm('default')
+    known = arm.with_friction(make_friction(arm.joint_names, coulomb=[coulomb]))
+    one = LockStep(known, true_arm=arm, q=START, friction_compensation='none')
+    one.run(0.5)
+    one.follow(GOAL + 0.5)
+    one.run(1.0)
+    assert one.loop.drives.verdicts()[1].verdict == 'agrees'
+    one.push = lambda t: np.array([0.0, push])
+    one.run(2.0)
+    assert cause in shortfall(one.loop.controller, one.loop.drives)
 
 
 def test_all_joints_that_do_not_arrive_are_named():

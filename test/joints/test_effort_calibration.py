@@ -62,6 +62,13 @@ def test_no_command_is_beyond_the_limit(scale, offset, sign):
         some.effort(np.append(within, 0.0)))
 
 
+def test_a_reversed_drive_has_the_limits_of_the_other_direction():
+    reverse = drive((-0.7, 1.3, -1.0), (1.0, -2.0, 0.0))
+    assert reverse.torque_limit().tolist() == pytest.approx([0.7 * 9.0, 40.0, np.inf])
+    assert reverse.command(np.array([7.0, 0.0, 3.0])) == pytest.approx([-9.0, -2.0, -3.0])
+    assert reverse.command(np.array([90.0, 0.0, 0.0]))[0] == -10.0
+
+
 def test_the_limit_of_the_torque():
     assert drive().torque_limit().tolist() == pytest.approx([0.7 * 9.0, 40.0, np.inf])
     assert drive().torque_limit(0.5).tolist() == pytest.approx([0.7 * 4.0, 20.0, np.inf])
@@ -78,13 +85,14 @@ def test_drives_whose_effort_is_the_torque_cost_nothing(scale, offset):
 
 
 @pytest.mark.parametrize(('scale', 'offset', 'words'), [
-    ([1.0, 0.1, 1.0], (), r"effort.scale of 'joint2' is 0.1, expected a number in \[0.2, 5\]"),
-    ([5.5], (), r"effort.scale of 'joint1' is 5.5, expected a number in \[0.2, 5\]"),
+    ([1.0, 0.1, 1.0], (),
+     r"effort.command_scale of 'joint2' is 0.1, expected a magnitude in \[0.2, 5\]"),
+    ([-5.5], (), r"effort.command_scale of 'joint1' is -5.5, expected a magnitude in \[0.2, 5\]"),
 
     ((), [0.0, -8.5, 0.0],
-     r"effort.offset of 'joint2' is -8.5, expected a number in \[-8, 8\], 20 % of the effort "
-     'limit 40'),
-    ((), [3.0], r"effort.offset of 'joint1' is 3, expected a number in \[-2, 2\], 20 %"),
+     r"effort.command_offset of 'joint2' is -8.5, expected a number in \[-8, 8\], 20 % of the "
+     'effort limit 40'),
+    ((), [3.0], r"effort.command_offset of 'joint1' is 3, expected a number in \[-2, 2\], 20 %"),
 ])
 def test_mismatched_values_are_rejected_by_name(scale, offset, words):
     with pytest.raises(InvalidInputError, match=words):
@@ -92,16 +100,21 @@ def test_mismatched_values_are_rejected_by_name(scale, offset, words):
 
 
 def test_the_arm_of_the_parameters_has_drives_and_limits_of_their_torque():
-    values = {'joints': ['joint2', 'joint1'], 'effort.scale': [0.5, 2.0],
-              'effort.offset': [4.0, -10.0]}
+    values = {'joints': ['joint2', 'joint1'], 'effort.command_scale': [0.5, -2.0],
+              'effort.command_offset': [4.0, -10.0], 'effort.report_scale': [3.0]}
     arm = arm_from_parameters(default_arm_urdf(), values, ('joint1', 'joint2'))
-    assert arm.drive.scale.tolist() == [2.0, 0.5]
+    assert arm.drive.scale.tolist() == [-2.0, 0.5]
     assert arm.drive.offset.tolist() == [-10.0, 4.0]
     limit = load_arm(default_arm_urdf()).limits.effort
     assert arm.drive.limit.tolist() == limit.tolist()
     assert arm.limits.effort.tolist() == [limit[0], 0.5 * (limit[1] - 4.0)]
     assert arm.with_payloads(()).with_gravity([0.0, 0.0, 0.0]).drive is arm.drive
-    assert arm_from_parameters(default_arm_urdf(), {'effort.scale': [1.0]}).drive is None
+    assert arm.report.scale.tolist() == [3.0, 3.0]
+    assert arm.report.limit.tolist() == limit.tolist()
+    only = arm_from_parameters(default_arm_urdf(), {
+        'effort.command_scale': [1.0], 'effort.report_scale': [2.0]})
+    assert (only.drive, only.limits.effort.tolist()) == (None, limit.tolist())
+    assert only.report.scale.tolist() == [2.0, 2.0]
 
 
 # --- covariance ----------------------------------------------------------------------------------
@@ -135,19 +148,19 @@ def test_the_covariance_of_the_torque_is_that_of_drawn_drives():
 def test_the_covariance_of_the_parameters_is_in_the_order_of_the_joints():
     C = covariance_of([0.01, 0.02, 0.1, 0.2])
     values = {'joints': ['joint2', 'joint1'],
-              'effort.covariance': C[np.tril_indices(4)].tolist()}
-    swapped = arm_from_parameters(default_arm_urdf(), values, ('joint1', 'joint2')).drive
+              'effort.report_covariance': C[np.tril_indices(4)].tolist()}
+    swapped = arm_from_parameters(default_arm_urdf(), values, ('joint1', 'joint2')).report
     assert swapped.covariance == pytest.approx(C[np.ix_([1, 0, 3, 2], [1, 0, 3, 2])])
-    single = arm_from_parameters(default_arm_urdf(), values, ('joint1',)).drive
+    single = arm_from_parameters(default_arm_urdf(), values, ('joint1',)).report
     assert single.covariance == pytest.approx(C[np.ix_([1, 3], [1, 3])])
 
 
 @pytest.mark.parametrize(('covariance', 'words'), [
-    ([1.0] * 9, r"effort.covariance has 9 values, expected 10: the lower triangle for the 4 "
-     r"parameters \['scale\(joint1\)', 'scale\(joint2\)', 'offset\(joint1\)', "),
-    ([1.0, 2.0, 1.0, *[0.0] * 7], 'effort.covariance has the eigenvalue -1 after scaling'),
+    ([1.0] * 9, r"effort.report_covariance has 9 values, expected 10: the lower triangle for "
+     r"the 4 parameters \['scale\(joint1\)', 'scale\(joint2\)', 'offset\(joint1\)', "),
+    ([1.0, 2.0, 1.0, *[0.0] * 7], 'effort.report_covariance has the eigenvalue -1 after scaling'),
 ])
 def test_a_wrong_covariance_is_rejected(covariance, words):
     with pytest.raises(InvalidInputError, match=words):
         arm_from_parameters(default_arm_urdf(), {
-            'joints': ['joint1', 'joint2'], 'effort.covariance': covariance})
+            'joints': ['joint1', 'joint2'], 'effort.report_covariance': covariance})

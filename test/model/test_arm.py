@@ -72,13 +72,15 @@ def test_limits_by_joint():
 
 
 @pytest.mark.parametrize('limit', ['', 'lower="-0" upper="0"'])
-def test_an_actuated_joint_that_may_not_leave_zero_is_refused(limit):
+def test_a_joint_that_may_not_leave_zero_counts_as_fixed_unless_it_is_named(limit):
     urdf = arm_urdf().replace('lower="0.5" upper="2"', limit)
     with pytest.raises(ModelError, match=(
             "^robot_description: joint 'far' is revolute with lower=0 and upper=0, expected a "
-            r'range \(lower below upper\), or type fixed$')):
-        load_arm(urdf)
-    assert load_arm(urdf, ['slide', 'roll']).locked_joints == {'far': 0.0}
+            r'range \(lower below upper\), or other names in joints$')):
+        load_arm(urdf, ['slide', 'far'])
+    arm = load_arm(urdf)
+    assert 'far' not in arm.joint_names
+    assert arm.locked_joints == {'far': 0.0}
 
 
 def test_joints_left_out_are_locked_as_near_to_zero_as_they_may_be():

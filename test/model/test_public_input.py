@@ -125,7 +125,8 @@ PER_JOINT: dict[str, Callable[[Any], Any]] = {
                                              'resistance': 1.0, 'rotor_inertia': 1.0, name: x}))
        for name in (field.name for field in fields(Actuators))},
     'with_reflected_inertia': lambda x: _BARE.with_reflected_inertia(x).reflected_inertia.tolist(),
-    'effort.offset': lambda x: fields_of(make_effort_calibration(_BARE.joint_names, 2.0, x)),
+    'effort.command_offset': lambda x: fields_of(
+        make_effort_calibration(_BARE.joint_names, 2.0, x)),
     'uncertainty.noise_deviation': lambda x: fields_of(make_uncertainty(
         _BARE, noise_deviation=x, noise_bandwidth=1.0)),
     **{f'gains.{name}': lambda x, name=name: fields_of(  # type: ignore[misc]

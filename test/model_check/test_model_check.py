@@ -37,6 +37,33 @@ def test_fixed_links_are_not_checked():
     assert check_model(arm_of(more=fixed).replace('<link name="base"/>', root)) == []
 
 
+def safe(k_velocity: float) -> str:
+    return arm_of(limit=(
+        f'{LIMIT}<safety_controller k_velocity="{k_velocity}" soft_lower_limit="-1"/>'))
+
+
+def test_a_safety_controller_must_let_the_effort_limit_through():
+    """The velocity limit is 2 rad/s, the effort limit 100 N·m."""
+    assert found(safe(50.0)) == set()
+    assert found(safe(49.0)) == {('limits', 'warning', 'hinge')}
+    finding, = check_model(safe(0.0))
+    assert 'has k_velocity 0: with ros2_control at most 0 of the effort limit 100' in str(finding)
+
+
+def test_an_arm_that_is_lighter_than_any_is_found():
+    far = link_behind(inertial(0.02)).replace('<axis', '<origin xyz="0 0 1"/><axis', 1)
+    assert ('mass', 'warning', '') in found(arm_of(inertial(0.02), more=far))
+    assert ('mass', 'warning', '') not in found(arm_of(inertial(0.5), more=far))
+
+
+def test_a_joint_that_may_not_leave_zero_is_found():
+    closed = link_behind(inertial(), 'revolute').replace(
+        '</joint>', '<limit lower="0" upper="0" effort="1" velocity="1"/></joint>')
+    finding, = [one for one in check_model(arm_of(more=closed)) if one.where == 'to_hand']
+    assert (finding.check, finding.level) == ('limits', 'warning')
+    assert 'counts as fixed' in finding.message
+
+
 # -------------------------------------------------------------------------------------- findings
 
 CASES = {

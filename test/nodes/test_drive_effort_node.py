@@ -15,7 +15,9 @@ from std_msgs.msg import Float64MultiArray
 GOAL = [0.2, 1.0]
 G = ArmDynamics(load_arm(default_arm_urdf())).gravity(START)
 SCALE, OFFSET = [0.7, 1.3], [8.0, -4.0]
-DRIVES = {'joints': NAMES, 'effort.scale': SCALE, 'effort.offset': OFFSET}
+DRIVES = {
+    'joints': NAMES, 'effort.command_scale': SCALE, 'effort.command_offset': OFFSET,
+    'effort.report_scale': [*SCALE], 'effort.report_offset': [*OFFSET]}  # no aliases in YAML
 NOISE = 0.02
 """Standard deviation of the measured effort [N·m]."""
 
@@ -25,9 +27,8 @@ def test_known_drives_hold_and_move_the_arm_with_efforts_of_the_driver(client):
             client, '/holds', 'joint_states', 'effort_command',
             'dynamics/gravity_compensation') as topics:
         states, commands, gravity = topics
-        with closed_loop('/holds', DRIVES, **DRIVES, effort_noise=NOISE) as node:
-            node.wait_for_log('Effort check passed: ', LONG)
-            still = states.messages
+        with closed_loop('/holds', DRIVES, **DRIVES, effort_noise=NOISE):
+            still = states.wait_count(100)
             bare.wait_count(1)
             first = commands.messages[0]
             torque = gravity.wait_for(has_stamp(first.header.stamp))

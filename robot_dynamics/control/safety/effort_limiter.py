@@ -36,15 +36,18 @@ class EffortLimits:
 
     `lower`, `upper` (n,) [rad] or [m] and `velocity` (n,) [rad/s] or [m/s] are infinite for joints
     without a limit. `rate` (n,) [N·m/s] or [N/s]. `effort` is the largest one (n,), or one for all
-    joints, apart from `holding`.
+    joints, apart from `holding`. `direction` is the sign (n,) of the torque at the joint for a
+    positive effort, or one for all joints.
     """
 
     def __init__(
         self, lower: FloatArray, upper: FloatArray, velocity: FloatArray,
         rate: FloatArray | float, effort: FloatArray | float = math.inf,
+        direction: FloatArray | float = 1.0,
     ) -> None:
         """`rate` may be one value for all joints."""
         self.lower, self.upper, self.velocity, self.effort = lower, upper, velocity, effort
+        self.direction = direction
         self.rate: FloatArray = np.array(np.broadcast_to(rate, lower.shape))
         self.least_rate = float(self.rate.min(initial=math.inf))
         self.soft_lower, self.soft_upper = lower + POSITION_MARGIN, upper - POSITION_MARGIN

@@ -22,13 +22,15 @@ class Fault:
     """
     A fault: its name for programs, a message for the operator, and whether it needs a reset.
 
-    If it needs no reset, it ends after `recovery` consecutive good states.
+    If it needs no reset, it ends after `recovery` consecutive good states. The `released` joints,
+    by number, get no effort until then.
     """
 
     name: str
     message: str
     latched: bool = False
     recovery: int = 1
+    released: tuple[int, ...] = ()
 
     def __str__(self) -> str:
         waits = '; waits for ~/reset_fault' if self.latched else ''

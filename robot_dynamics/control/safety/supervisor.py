@@ -147,6 +147,7 @@ class CommandSupervisor:
         if self.mode not in (Mode.WAITING, Mode.RUNNING, Mode.FAULT, Mode.BRAKING):
             return
         self._good = 0
+        self._action.undamped.release(fault.released)
         is_new = not self.is_damped
         if self.mode is Mode.BRAKING:
             self._stop_has_fault = True
@@ -256,7 +257,8 @@ class CommandSupervisor:
         """Return the effort that holds the arm with damping in a fault, within limits and not."""
         braked = still if brake is None else brake(q, v, still)
         if self.fault is None or self.fault.name != FROZEN_JOINT:  # a lost joint drives others
-            fault = self._action.release(self._damped_for, v, braked - still)
+            fault = self._action.release(
+                self._damped_for, v, self.limiter.limits.direction * (braked - still))
             if fault is not None:
                 self._fail(now, fault)
         if self.limiter.last is None:  # no effort has begun, or the action has ended

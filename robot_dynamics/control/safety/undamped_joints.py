@@ -38,6 +38,10 @@ class UndampedJoints:
         self.released = np.zeros_like(self.released)
         self._since = -np.inf
 
+    def release(self, joints: tuple[int, ...]) -> None:
+        """Release joints whose drives are known to be wrong."""
+        self.released[list(joints)] = True
+
     def take(self, time: float, v: FloatArray, damping: FloatArray, limit: FloatArray) -> int:
         """
         Take the velocities v (n,); return a joint that is released now, or −1.

@@ -109,9 +109,10 @@ class ControlPath:
             if whole is None:
                 return
             state, (q, v) = whole, messages.reader.read(whole)
-            messages.has_effort = len(whole.effort) > 0
-            if not messages.has_effort:
-                served.check.lack_effort()
+            if len(whole.velocity) not in (0, len(whole.name)):
+                self.states.warn('velocity', (
+                    f'Joint states have {len(whole.velocity)} velocities for {len(whole.name)} '
+                    'names: all velocities count as missing'))
         answer = served.loop.answer(
             state.stamp_ns, q, v, time.time_ns(), steady_ns, self._has_several_publishers,
             command.order.fault, partial(command.publish, state.stamp))
@@ -169,24 +170,17 @@ class ControlPath:
             if count():
                 self._publish(state, served, answer)
                 break
-        if served.external.is_on or served.messages.has_effort and not served.check.done:
-            self._examine(served, state, answer, q)
-
-    def _examine(
-        self, served: Served, state: SensedState, answer: LoopAnswer, q: FloatArray,
-    ) -> None:
-        """Compare the measured effort with its limit, and with the command."""
-        output, reader = answer.output, served.messages.reader
-        v, gravity = output.state.v, output.robot_gravity
+        if served.loop.drives.samples.wants_report:
+            served.drives.take(served.messages.reader, state, output)
         if served.external.is_on:
-            fault = served.external.fault(reader, state, q, v, answer.verdict, gravity)
+            fault = served.external.fault(
+                served.messages.reader, state, q, output.state.v, verdict, output.robot_gravity)
             if fault is not None:
                 self.command.fail(fault)
-        if not served.check.done:
-            served.check.add_state(
-                reader, state, q, gravity,
-                answer.effort if self.command.has_listeners() or self._counts[4]() or (
-                    self._counts[5]()) else None)
+
+    def has_position_drives(self) -> bool:
+        """Return whether drives with their own stiffness are commanded."""
+        return self._counts[4]() > 0 or self._counts[5]() > 0
 
     def _publish(self, state: SensedState, served: Served, answer: LoopAnswer) -> None:
         messages, output = served.messages, answer.output

@@ -17,7 +17,7 @@ from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.ros.dynamics.base_gravity import BaseGravity, GRAVITY_RATE
 from robot_dynamics.ros.dynamics.command_status import active_words
 from robot_dynamics.ros.dynamics.control_path import ControlPath
-from robot_dynamics.ros.dynamics.effort_check import EffortCheck
+from robot_dynamics.ros.dynamics.drive_status import DriveStatus
 from robot_dynamics.ros.dynamics.external_effort_fault import ExternalEffortFault
 from robot_dynamics.ros.dynamics.goals.follow_joint_trajectory import FollowJointTrajectoryServer
 from robot_dynamics.ros.dynamics.goals.law_topics import subscribe_laws
@@ -217,15 +217,17 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         if self._gravity.measured is not None:
             controller.set_gravity(self._gravity.measured, math.inf)
         convention = controller.options.effort_convention
-        check = EffortCheck(self, arm, convention)
         external = ExternalEffortFault(self, controller, convention, values)
         messages = ArmMessages(arm.joint_names, is_embedded)
         with self._path.command.lock:  # between two states: the loop continues the last one
             loop = ControlLoop(
                 controller, effort_limits(values, arm), safety_options(values), self._path.loop)
             loop.gate.plausibility.max_age = values['state_max_age']
+            drives = DriveStatus(
+                self, loop, convention, self._path.command.has_listeners,
+                self._path.has_position_drives)
             self._path.command.serve(Served(
-                loop, values, check, external, FeedForward(loop), messages))
+                loop, values, drives, external, FeedForward(loop), messages))
         self._payloads.publish()
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         for name, position in arm.locked_joints.items():
@@ -279,7 +281,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                 {'command': self._settings.values['command'],
                  'a new one waits': self._models.waiting is not None,
                  'callbacks that failed': self.callback_errors}),
-            *([] if served is None else [served.external.status(), served.check.status()])]
+            *([] if served is None else [served.external.status(), served.drives.status()])]
 
 
 def main(args: Sequence[str] | None = None) -> int:

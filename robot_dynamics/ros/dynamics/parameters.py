@@ -149,9 +149,6 @@ SPECS = (
         'therefore omits: gravity, friction.'), choices=ROBOT_COMPENSATIONS, read_only=True),
     robot_description.ROBOT_GRAVITY_SPEC,
     IMU_SPEC,
-    flag('require_measured_velocities', False, (
-        'Drop joint states without velocities. By default, velocities that are missing are those '
-        'of the positions, late by 4 ms or half a period of the states.')),
     *SAFETY_SPECS,
     GOAL_SPEC,
     flag('autostart', True, (
@@ -205,7 +202,7 @@ def effort_rates(values: Values, arm: ArmModel) -> FloatArray:
 def torque_rates(values: Values, arm: ArmModel) -> FloatArray:
     """Return the rates (n,) [N·m/s] or [N/s] of the torque at the largest rates of the command."""
     rates = effort_rates(values, arm)
-    return rates if arm.drive is None else arm.drive.scale * rates
+    return rates if arm.drive is None else np.abs(arm.drive.scale) * rates
 
 
 def effort_limits(values: Values, arm: ArmModel) -> EffortLimits:
@@ -213,7 +210,7 @@ def effort_limits(values: Values, arm: ArmModel) -> EffortLimits:
     limits = arm.limits
     return EffortLimits(
         limits.lower, limits.upper, limits.velocity, effort_rates(values, arm),
-        arm.given_drive.limit)
+        arm.given_drive.limit, np.sign(arm.given_drive.scale))
 
 
 def state_timeout(values: Values) -> float:
@@ -225,5 +222,4 @@ def safety_options(values: Values) -> SafetyOptions:
     """Return the options of the supervisor."""
     return SafetyOptions(
         state_timeout(values), values['fault_action'], values['hold_time'],
-        values['ramp_time'], values['end_action'], values['lock_step'],
-        values['require_measured_velocities'])
+        values['ramp_time'], values['end_action'], values['lock_step'])

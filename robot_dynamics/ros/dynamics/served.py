@@ -9,7 +9,7 @@ import time
 from robot_dynamics.control.feed_forward import FeedForward
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.ros.dynamics.effort_check import EffortCheck
+from robot_dynamics.ros.dynamics.drive_status import DriveStatus
 from robot_dynamics.ros.dynamics.external_effort_fault import ExternalEffortFault
 from robot_dynamics.ros.middleware.cdr_templates import (
     array_template,
@@ -29,8 +29,6 @@ class ArmMessages:
         self.joint_count = len(joint_names)
         self.assembly = StateAssembly(joint_names, is_embedded)
         self.reader = JointStateReader(joint_names)
-        self.has_effort = False
-        """Whether the last state that was read has efforts."""
         self.foreign_joints = ''
         """Reason why the embedded arm is not served, empty if it is."""
         self.is_open, self.used_at = not is_embedded, time.monotonic()
@@ -54,7 +52,7 @@ class Served:
     """Arm, load, law, limits and references."""
     values: Values
     """The parameters."""
-    check: EffortCheck
+    drives: DriveStatus
     external: ExternalEffortFault
     feed_forward: FeedForward
     messages: ArmMessages

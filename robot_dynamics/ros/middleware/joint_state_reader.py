@@ -31,6 +31,8 @@ class JointStateReader:
         """
         Return position (n,) and velocity (n,), None if a velocity is missing or NaN.
 
+        Velocities of another number than the names are missing.
+
         Raises InvalidInputError if joints are missing, a name appears twice, lengths differ, or
         another value of these joints is not finite.
         """
@@ -42,11 +44,12 @@ class JointStateReader:
                 return values[:n], values[n:] if len(values) > n else None
         q = self._values(message, 'position')
         v = None  # `joint_state_broadcaster` sends NaN for a missing interface
-        if len(message.velocity) and not np.isnan(self._values(message, 'velocity', None)).any():
+        has_velocity = len(message.velocity) == len(message.name)
+        if has_velocity and not np.isnan(self._values(message, 'velocity', None)).any():
             v = self._values(message, 'velocity')
         if layout is not None:
             self.layout, self.places = layout, layout.position.start + self._index
-            if len(message.velocity):
+            if has_velocity:
                 self.places = np.concatenate(
                     (self.places, layout.velocity.start + self._index))
         return q, v

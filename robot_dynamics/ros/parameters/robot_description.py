@@ -130,23 +130,28 @@ UNCERTAINTY_SPECS = (
         read_only=True),
 )
 
+_BOUND = (
+    f'; its magnitude is {LEAST_SCALE:g} to {LARGEST_SCALE:g}, and negative for an opposite sign')
 DRIVE_SPECS = (
-    numbers('effort.scale', LEAST_SCALE, LARGEST_SCALE, (
-        'Torque at the joint per unit of effort of the driver, commanded or measured; differs '
-        'from 1 if the torque constants of the driver are wrong. One value for all joints or one '
-        'per joint. If empty, 1. dynamics converts with it the measured effort and the command; '
-        'simulated_arm has drives of this scale.'), read_only=True),
-    numbers('effort.offset', -LARGEST_VALUE, LARGEST_VALUE, (
-        'Effort [N·m] or [N] of the driver, commanded or measured, at zero torque at the joint; '
-        'at most 20 % of the effort limit of the URDF. One value for all joints or one per joint. '
-        'If empty, 0. dynamics subtracts it from the measured effort and adds it to the command; '
-        'simulated_arm has drives with this offset.'), read_only=True),
-    numbers('effort.covariance', -1e12, 1e12, (
-        'Covariance of effort.scale of all joints, then effort.offset of all joints: the lower '
-        'triangle of the matrix, row by row. calibrate_gravity writes it. The deviations of '
-        'estimate_payload contain it. If empty, scale and offset count as exact.'),
+    numbers_per_joint('effort.command_scale', -LARGEST_SCALE, LARGEST_SCALE, (
+        'Torque at the joint per unit of commanded effort' + _BOUND), (
+        '. If empty, 1. dynamics converts the command with it; simulated_arm has such drives.'),
         read_only=True),
+    numbers_per_joint('effort.command_offset', -LARGEST_VALUE, LARGEST_VALUE, (
+        'Commanded effort [N·m] or [N] at zero torque at the joint, at most 20 % of the effort '
+        'limit of the URDF'), ('. If empty, 0.'), read_only=True),
+    numbers_per_joint('effort.report_scale', -LARGEST_SCALE, LARGEST_SCALE, (
+        'Torque at the joint per unit of measured effort' + _BOUND), (
+        '. If empty, 1. dynamics converts the measured effort with it; simulated_arm reports such '
+        'efforts.'), read_only=True),
+    numbers_per_joint('effort.report_offset', -LARGEST_VALUE, LARGEST_VALUE, (
+        'Measured effort [N·m] or [N] at zero torque at the joint, at most 20 % of the effort '
+        'limit of the URDF'), ('. If empty, 0.'), read_only=True),
 )
+REPORT_COVARIANCE_SPEC = numbers('effort.report_covariance', -1e12, 1e12, (
+    'Covariance of effort.report_scale of all joints, then effort.report_offset of all joints: '
+    'the lower triangle of the matrix, row by row. calibrate_gravity writes it. The deviations of '
+    'estimate_payload contain it. If empty, scale and offset count as exact.'), read_only=True)
 
 
 def check_joint_count(arm: ArmModel) -> None:

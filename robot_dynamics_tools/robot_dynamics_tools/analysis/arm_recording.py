@@ -28,7 +28,7 @@ _CAUSES = {
     'position': 'positions in degrees or millimetres, or the URDF of another arm',
     'velocity': 'velocities in degrees or millimetres per second, or the URDF of another arm',
     'effort': 'efforts in mA or in another unit than N·m (`identify --effort current`, '
-              'or `effort.scale`)'}
+              'or `effort.report_scale`)'}
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ def _plausible(
     for name, values, limit in (
             ('position', series.position, reach),
             ('velocity', series.velocity, arm.limits.velocity),
-            ('effort', None if is_motor_side else series.effort, arm.given_drive.limit)):
+            ('effort', None if is_motor_side else series.effort, arm.given_report.limit)):
         if values is None:
             continue
         is_good = np.abs(values) <= np.where(limit > 0.0, IMPLAUSIBLE[name] * limit, np.inf)

@@ -120,9 +120,10 @@ def joint_effort(
     if convention.lacks_gravity:
         effort = effort + gravity
         remarks.append(f"measured_effort is {kind!r}: the model's gravity is added")
-    if arm.drive is not None:
-        effort = arm.drive.torque(effort)
-        remarks.append('the measured effort is converted by effort.scale and effort.offset')
+    if arm.report is not None:
+        effort = arm.report.torque(effort)
+        remarks.append(
+            'the measured effort is converted by effort.report_scale and effort.report_offset')
     return effort, '; '.join(remarks)
 
 

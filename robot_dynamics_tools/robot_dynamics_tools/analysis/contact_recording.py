@@ -71,7 +71,7 @@ def external_efforts(
         observer.restart()
         times = series.times[stretch]
         for i, t, dt in zip(stretch, times - times[0], np.diff(times, prepend=times[0])):
-            effort = arm.given_drive.torque(joint_from_measured(
+            effort = arm.given_report.torque(joint_from_measured(
                 convention.measured_effort, measured[i], v[i], body.gravity(q[i]),
                 arm.actuators))
             r = observer.update(float(dt), q[i], v[i], effort)

@@ -295,7 +295,7 @@ class _Test:
         found = dict(zip(accepted.columns, self.fit(accepted)[1].tolist()))
         if accepted.unit != 1.0:
             yield ('the effort is far larger than that of the URDF: effort in mA or in another '
-                   'unit than N·m (`identify --effort current`, or `effort.scale`)')
+                   'unit than N·m (`identify --effort current`, or `effort.report_scale`)')
         if accepted.flipped:
             listed = 'all joints' if accepted.flipped == set(self.measured) else ', '.join(
                 names[j] for j in sorted(accepted.flipped))

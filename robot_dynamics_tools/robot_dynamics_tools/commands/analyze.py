@@ -39,7 +39,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     options.add_recordings(parser, 'the description in the recording')
     options.add_cutoff(parser)
     options.add_parameters(
-        parser, 'joints, gravity, friction, motors, measured_effort, effort.scale, effort.offset')
+        parser, 'joints, gravity, friction, motors, measured_effort, '
+                'effort.report_scale, effort.report_offset')
     options.add_output(parser, 'DIR', (
         f'Output directory of {tasks.REPORT}, {tasks.PICTURE}, {tasks.TABLE} and the recording '
         f'{tasks.TERMS}/; for several recordings, one directory each'))

@@ -4,8 +4,9 @@
 """
 Calibrate effort scale and offset of each joint from static holds, approached from both sides.
 
-Writes a parameter file for dynamics_node and a report. With --move it moves the arm of a running
-node and records the holds itself; without it, BAG and --urdf are required.
+Writes a parameter file for dynamics_node and a report: scale and offset of the measured effort,
+and of the command if the recordings contain effort_command. With --move it moves the arm of a
+running node and records the holds itself; without it, BAG and --urdf are required.
 
 Exit status: 0 done; 1 the nodes would not accept a value, the report names it, or the motion ended
 early; 2 a mistake in the arguments, or node or recordings do not permit a calibration; 130
@@ -202,12 +203,12 @@ def finish(
     origin = command_line.origin_of('calibrate_gravity', argv, arguments.urdf, '')
     written = [arguments.output.with_suffix(REPORT)]
     command_line.write_file(written[0], report.calibration_page(found, origin))
-    is_good = report.is_accepted(found.calibration)
+    is_good = all(report.is_accepted(one) for one in (found.calibration, found.command) if one)
     if is_good:
         given = '' if arguments.parameters is None else arguments.parameters.read_text(
             encoding='utf-8')
         command_line.write_file(arguments.output, calibrated_file(
-            given, found.calibration, header(found, arguments.output)))
+            given, found.calibration, header(found, arguments.output), found.command))
         written.insert(0, arguments.output)
     _print(found, written)
     if not is_good:
@@ -219,8 +220,10 @@ def finish(
 def _print(found: RecordedCalibration, written: Sequence[Path]) -> None:
     verdicts = report.joint_verdicts(found.calibration)
     print(text_table([], report.fact_rows(found)))
-    print('\nTorque at the joint = effort scale · (effort of the driver − effort offset):')
-    print(quantity_table(report.joint_rows(found.calibration)))
+    for words, one in (('measured', found.calibration), ('commanded', found.command)):
+        if one is not None:
+            print(f'\nTorque at the joint = effort scale · ({words} effort − effort offset):')
+            print(quantity_table(report.joint_rows(one)))
     if found.calibration.tool is not None:
         print('\n' + quantity_table(report.tool_rows(found.calibration.tool)))
     print('\n' + summary(verdicts, 'joints'))

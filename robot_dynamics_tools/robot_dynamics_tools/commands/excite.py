@@ -40,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         'Output file of the trajectory_msgs/JointTrajectory (default: %(default)s)'),
         Path('trajectory.yaml'))
     options.add_parameters(
-        parser, 'joints, gravity, friction, motors, effort.scale, effort.offset')
+        parser, 'joints, gravity, friction, motors, effort.command_scale, effort.command_offset')
     parser.add_argument(
         '--joints', nargs='+', default=[], metavar='JOINT',
         help='Joints to move, like the parameter joints (default: all); the others are locked')

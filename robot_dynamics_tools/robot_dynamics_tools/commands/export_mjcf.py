@@ -25,7 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = command_line.Parser(prog='export_mjcf', description=__doc__)
     options.add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
     options.add_parameters(
-        parser, 'joints, gravity, friction, motors, effort.scale, effort.offset')
+        parser, 'joints, gravity, friction, motors, effort.command_scale, effort.command_offset')
     options.add_output(parser, 'FILE', 'Output file (default: stdout)')
     return options.run_tool(parser, _run, argv)
 

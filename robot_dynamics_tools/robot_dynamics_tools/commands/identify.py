@@ -60,7 +60,8 @@ def main(argv: Sequence[str] | None = None) -> int:
              'mass [kg] and centre of mass [m] in the frame of the link. It is neither identified '
              'nor part of the output; may be repeated')
     options.add_parameters(
-        parser, 'joints, gravity, motors, measured_effort, effort.scale, effort.offset')
+        parser, 'joints, gravity, motors, measured_effort, '
+                'effort.report_scale, effort.report_offset')
     options.add_output(
         parser, 'DIR', 'Output directory (default: %(default)s)', Path('identified'))
     options.add_workers(parser)

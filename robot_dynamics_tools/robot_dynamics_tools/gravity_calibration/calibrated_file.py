@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The parameter file of a calibration: the given file, with effort scale and offset."""
+"""The parameter file of a calibration: the given file, with effort scales and offsets."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +15,17 @@ from robot_dynamics_tools.gravity_calibration.recorded_holds import RecordedCali
 
 SECTIONS = '/**', '/**/dynamics', 'dynamics', '/dynamics'
 """Sections of the node in a parameter file; a later one overrides an earlier one."""
-CALIBRATED = 'effort.scale', 'effort.offset', 'effort.covariance'
-"""The parameters that a calibration determines."""
 _DIGITS, _COVARIANCE_DIGITS = 6, 10
 
 
-def calibrated_file(given: str, found: Calibration, comments: Sequence[str] = ()) -> str:
+def calibrated_file(
+    given: str, found: Calibration, comments: Sequence[str] = (),
+    command: Calibration | None = None,
+) -> str:
     """
-    Return a parameter file of ROS 2 with scale, offset and covariance of the efforts.
+    Return a parameter file of ROS 2 with scale, offset and covariance of the measured efforts.
 
+    `command` is the calibration of the command; without it, its parameters are kept.
     `given` is the text of the previous file, or ''. Its other parameters, also those of other
     nodes, are kept, its comments are not. The new parameters are in the last section that applies
     to `dynamics`, and have one value for each of the parameter `joints`, which is added if the
@@ -36,36 +38,38 @@ def calibrated_file(given: str, found: Calibration, comments: Sequence[str] = ()
     has_joints = False
     for name in present:
         values = document.setdefault(name, {}).setdefault('ros__parameters', {})
-        before |= _taken_out(values)
+        before |= _taken_out(values, command is not None)
         joints = list(values.get('joints') or joints)
         has_joints |= bool(values.get('joints'))
     values = document[present[-1]]['ros__parameters']
     if not has_joints:
         values['joints'] = joints
-    values['effort'] = {
-        **values.get('effort', {}), 'scale': _in_order(found, joints, before, 'scale', 1.0),
-        'offset': _in_order(found, joints, before, 'offset', 0.0),
-        'covariance': _covariance(found, joints)}
+    values['effort'] = {**values.get('effort', {}), **{
+        f'{direction}_{name}': _in_order(
+            one, joints, before.get(f'effort.{direction}_{name}') or [default], name)
+        for direction, one in (('report', found), ('command', command)) if one is not None
+        for name, default in (('scale', 1.0), ('offset', 0.0))},
+        'report_covariance': _covariance(found, joints)}
     return dump_yaml(document, comments, 'a parameter file')
 
 
-def _taken_out(values: dict[str, Any]) -> dict[str, Any]:
+def _taken_out(values: dict[str, Any], has_command: bool) -> dict[str, Any]:
     """Remove the calibrated parameters of a section, and return them by their full names."""
-    found = {name: values.pop(name) for name in CALIBRATED if name in values}
-    group = values.get('effort')
-    if isinstance(group, dict):
-        found |= {name: group.pop(name.partition('.')[2]) for name in CALIBRATED
-                  if name.partition('.')[2] in group}
+    names = ['report_scale', 'report_offset', 'report_covariance', *(
+        ('command_scale', 'command_offset') if has_command else ())]
+    found: dict[str, Any] = {}
+    for group, prefix in ((values, 'effort.'), (values.get('effort'), '')):
+        if isinstance(group, dict):
+            found |= {f'effort.{name}': group.pop(f'{prefix}{name}') for name in names
+                      if f'{prefix}{name}' in group}
     return found
 
 
 def _in_order(
-    found: Calibration, joints: Sequence[str], before: Mapping[str, Any], name: str,
-    default: float,
+    found: Calibration, joints: Sequence[str], before: Sequence[float], name: str,
 ) -> list[float]:
-    """Return one value for each joint, that of the previous file if it is not calibrated."""
-    old = np.asarray(before.get(f'effort.{name}') or [default], dtype=np.float64)
-    values = dict(zip(joints, np.broadcast_to(old, len(joints)).tolist()))
+    """Return one value for each joint, that `before` if it is not calibrated."""
+    values = dict(zip(joints, np.broadcast_to(np.array(before, float), len(joints)).tolist()))
     for joint, value in zip(found.arm.joint_names, getattr(found, name)):
         values[joint] = float(f'{value:.{_DIGITS}g}')
     return [values[joint] for joint in joints]

@@ -113,7 +113,7 @@ def calibrate_holds(
     """
     Return the calibration from holds, those `with_weight` with a known weight on a link.
 
-    `arm` is that of the URDF, with its gravity. The values of its drive are kept if the holds do
+    `arm` is that of the URDF, with its gravity. The values of its report are kept if the holds do
     not determine them. Raises InvalidInputError if there are too few
     poses, no scale is observable, a link is unknown, or the mass of the tool is needed.
     """
@@ -142,7 +142,7 @@ def calibrate_holds(
     seen, basis = _observations(arm, sets, tool, reference)
     n, has_enough = arm.joint_count, counts >= LEAST_POSES
     seen = replace(seen, is_used=seen.is_used & has_enough)
-    previous = arm.given_drive
+    previous = arm.given_report
     fit, is_observable = _fit(seen, arm, 1.0 / previous.scale)
     torque = seen.known + seen.columns @ fit.beta
     scale, offset = _values(seen, torque, fit, is_observable, has_enough, previous)
@@ -227,7 +227,7 @@ def _fit(
     fit = scale_fit.fit_scales(seen, np.full(n, np.nan))
     deviation = fit.spread(np.eye(n, len(fit.is_lost))).deviation
     is_observable = seen.is_used.any(axis=0) & (
-        deviation < UNOBSERVABLE * np.abs(fit.inverse)) & (fit.inverse > 0.0)
+        deviation < UNOBSERVABLE * np.abs(fit.inverse))
     if not is_observable.any():
         span = np.ptp(seen.known + seen.columns @ fit.beta, axis=0)
         raise InvalidInputError(

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.effort_convention import joint_effort_at_rest
 from robot_dynamics.model.arm import ArmModel
@@ -16,24 +18,40 @@ from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_f
 from robot_dynamics_tools.gravity_calibration.calibration import calibrate_holds, Calibration
 from robot_dynamics_tools.gravity_calibration.holds import find_holds, Hold
 from robot_dynamics_tools.gravity_calibration.tool_estimate import Tool
+from robot_dynamics_tools.recordings.joint_series import JointSeries
+from robot_dynamics_tools.recordings.reader import Recording
+
+COMMAND = 'effort_command'
+"""The topic of the command, in any namespace."""
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedHolds:
-    """The holds of recordings of one arm; `lines` are remarks."""
+    """
+    The holds of recordings of one arm; `lines` are remarks.
+
+    `commanded` are the same holds with the commanded instead of the measured effort, empty if a
+    recording has no commands.
+    """
 
     arm: ArmModel
     bags: tuple[Path, ...]
     holds: tuple[Hold, ...]
+    commanded: tuple[Hold, ...]
     lines: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedCalibration:
-    """A calibration, and the holds that it is from: without the weight, and with it if known."""
+    """
+    A calibration, and the holds that it is from: without the weight, and with it if known.
+
+    `command` is the calibration of the command, None if a recording has no commands.
+    """
 
     calibration: Calibration
     recorded: tuple[RecordedHolds, ...]
+    command: Calibration | None = None
 
 
 def calibrate_recordings(
@@ -48,29 +66,40 @@ def calibrate_recordings(
     """
     recorded = [read_holds(group, settings) for group in (bags, weighted_bags) if group]
     _check_joints(recorded)
+    arm = recorded[0].arm
+
+    def calibrated(holds: Sequence[tuple[Hold, ...]], arm: ArmModel) -> Calibration:
+        return calibrate_holds(arm, holds[0], holds[1] if weighted_bags else (), weight, tool)
+
     return RecordedCalibration(
-        calibrate_holds(
-            recorded[0].arm, recorded[0].holds, recorded[1].holds if weighted_bags else (),
-            weight, tool),
-        tuple(recorded))
+        calibrated([one.holds for one in recorded], arm), tuple(recorded),
+        calibrated([one.commanded for one in recorded], replace(arm, report=arm.drive))
+        if all(one.commanded for one in recorded) else None)
 
 
 def read_holds(bags: Sequence[Path], settings: AnalysisSettings) -> RecordedHolds:
     """
     Return the holds of recordings with the same load, as if they were one recording.
 
-    `effort.scale` and `effort.offset` of the settings do not change the effort, which is that of
-    the driver. Raises as `calibrate_recordings`.
+    Scales and offsets of the settings do not change the effort, which is that of the driver.
+    Raises as `calibrate_recordings`.
     """
     read = [_read(bag, settings) for bag in bags]
     _check_joints(read)
+    return RecordedHolds(
+        read[0].arm, tuple(bags), _joined([one.holds for one in read]),
+        _joined([one.commanded for one in read]) if all(one.commanded for one in read) else (),
+        tuple(line for one in read for line in one.lines))
+
+
+def _joined(parts: Sequence[Sequence[Hold]]) -> tuple[Hold, ...]:
+    """Return the holds of recordings, one after the other."""
     holds: list[Hold] = []
-    for one in read:
+    for part in parts:
         before = holds[-1].end if holds else 0.0
         holds += [hold._replace(start=hold.start + before, end=hold.end + before)
-                  for hold in one.holds]
-    return RecordedHolds(
-        read[0].arm, tuple(bags), tuple(holds), tuple(line for one in read for line in one.lines))
+                  for hold in part]
+    return tuple(holds)
 
 
 def _read(bag: Path, settings: AnalysisSettings) -> RecordedHolds:
@@ -85,9 +114,25 @@ def _read(bag: Path, settings: AnalysisSettings) -> RecordedHolds:
                              'effort')
     effort = joint_effort_at_rest(kind, read.series.effort, read.arm.actuators)
     holds = find_holds(replace(read.series, effort=effort), read.arm.joint_kinds)
+    command = None if convention.compensates_gravity else _command(bag, read.series)
     return RecordedHolds(
-        read.arm, (bag,), tuple(holds),
+        read.arm, (bag,), tuple(holds), () if command is None else tuple(
+            find_holds(replace(read.series, effort=command), read.arm.joint_kinds)),
         tuple(f'{bag.name}: {line}' for line in read.remarks))
+
+
+def _command(bag: Path, series: JointSeries) -> FloatArray | None:
+    """Return the command (m, n) at the samples of a recording, None without one for each."""
+    with Recording(bag) as recording:
+        topics = [topic.name for topic in recording.topics
+                  if topic.name.endswith(COMMAND) and topic.message_count]
+        if len(topics) != 1:
+            return None
+        sent = recording.joint_series(topics[0], series.joint_names)
+    rows = np.searchsorted(sent.stamps_ns, series.stamps_ns, side='right') - 1
+    if sent.effort is None or rows[0] < 0:
+        return None
+    return np.asarray(sent.effort[rows])
 
 
 def _check_joints(recorded: Sequence[RecordedHolds]) -> None:

@@ -98,7 +98,7 @@ UNLOADED = 0.01
 RULE = (
     f'Rule: good if the 95 % interval of the scale is within ±{100.0 * GOOD_SCALE:g} % and that '
     f'of the offset within ±{100.0 * GOOD_OFFSET:g} % of the effort limit, check if not, bad if '
-    f'the scale is not in [{LEAST_SCALE:g}, {LARGEST_SCALE:g}] or the offset above '
+    f'the scale is not in ±[{LEAST_SCALE:g}, {LARGEST_SCALE:g}] or the offset above '
     f'{100.0 * LARGEST_OFFSET:g} % of the effort limit, unknown if the holds do not determine the '
     'scale.')
 USE = 'use the written parameter file'
@@ -124,7 +124,7 @@ def is_accepted(found: Calibration) -> bool:
 
 def _verdict(found: Calibration, j: int) -> Verdict:
     name, unit = found.arm.joint_names[j], units_of(found.arm.joint_kinds[j]).effort
-    limit = float(found.arm.given_drive.limit[j])
+    limit = float(found.arm.given_report.limit[j])
     offset, of_offset = float(found.offset[j]), float(found.offset_interval[j])
     if not found.has_enough_poses[j]:
         return Verdict(name, Grade.UNKNOWN, (
@@ -140,10 +140,11 @@ def _verdict(found: Calibration, j: int) -> Verdict:
         return _unobservable(found, j, at_zero)
     scale, of_scale = float(found.scale[j]), float(found.scale_interval[j])
     text = f'scale {scale:.4g} ± {of_scale:.2g}, {at_zero}'
-    if not LEAST_SCALE <= scale <= LARGEST_SCALE:
+    if not LEAST_SCALE <= abs(scale) <= LARGEST_SCALE:
         return Verdict(name, Grade.BAD, (
-            f'{text}: the scale is not in [{LEAST_SCALE:g}, {LARGEST_SCALE:g}]'), INPUTS)
-    if of_scale <= GOOD_SCALE * scale and of_offset <= GOOD_OFFSET * limit:
+            f'{text}: the scale is not in '
+            f'±[{LEAST_SCALE:g}, {LARGEST_SCALE:g}]'), INPUTS)
+    if of_scale <= GOOD_SCALE * abs(scale) and of_offset <= GOOD_OFFSET * limit:
         return Verdict(name, Grade.GOOD, text, USE)
     return Verdict(name, Grade.CHECK, text, _more(found))
 

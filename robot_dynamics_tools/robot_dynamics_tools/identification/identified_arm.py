@@ -193,14 +193,17 @@ def parameter_values(
         values['actuator.gear_ratio'] = [1.0]
         values['actuator.torque_constant'] = rounded(drive_gain)
     if arm.drive is not None:
+        values['effort.command_scale'] = rounded(arm.drive.scale.tolist())
+        values['effort.command_offset'] = rounded(arm.drive.offset.tolist())
+    if arm.report is not None:
         gain = 1.0 if drive_gain is None else np.asarray(drive_gain)
-        values['effort.scale'] = rounded(arm.drive.scale.tolist())
-        values['effort.offset'] = rounded((gain * arm.drive.offset).tolist())
-        if arm.drive.covariance is not None:
+        values['effort.report_scale'] = rounded(arm.report.scale.tolist())
+        values['effort.report_offset'] = rounded((gain * arm.report.offset).tolist())
+        if arm.report.covariance is not None:
             n = arm.joint_count
             slope = np.concatenate([np.ones(n), gain * np.ones(n)])
-            C = arm.drive.covariance * np.outer(slope, slope)
-            values['effort.covariance'] = lower_triangle(C)
+            C = arm.report.covariance * np.outer(slope, slope)
+            values['effort.report_covariance'] = lower_triangle(C)
     if drive_gain is not None:
         values['measured_effort'] = 'motor_current'
     return {**kept, **values}

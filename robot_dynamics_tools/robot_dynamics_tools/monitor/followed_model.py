@@ -72,8 +72,15 @@ class Followed:
 class FollowedModel:
     """Makes the model again after each change; all calls are in the executor."""
 
-    def __init__(self, node: Node, use: Callable[[Followed | None], None]) -> None:
-        """`use` is called with each model, and with None if there is none any more."""
+    def __init__(
+        self, node: Node, use: Callable[[Followed | None], None], own: Callable[[], Values],
+    ) -> None:
+        """
+        Follow for a node, whose `own` parameters add to those of `dynamics`.
+
+        `use` is called with each model, and with None if there is none any more.
+        """
+        self._own = own
         self._node, self._use = node, use
         self._xml = ''
         self._values: Values = {}
@@ -86,6 +93,8 @@ class FollowedModel:
 
     def set_model(self, xml: str, values: Values) -> None:
         """Use the URDF and the parameters of `dynamics`."""
+        name = robot_description.REPORT_COVARIANCE_SPEC.name
+        values = {**values, name: self._own()[name]}
         is_other = xml != self._xml or any(
             values[name] != self._values.get(name) for name in MODEL_NAMES if name != 'gravity')
         self._xml, self._values = xml, values

@@ -79,7 +79,7 @@ class DynamicsMonitor(GuardedCallbacks):
         self._estimation = PayloadEstimation(self, self._samples)
         self._request = PayloadRequest(self, dynamics)
         self.create_service(EstimatePayload, '~/estimate_payload', self._estimate_payload)
-        self._models = FollowedModel(self, self._use)
+        self._models = FollowedModel(self, self._use, lambda: self._settings.values)
         self._dynamics = FollowedDynamics(
             self, dynamics, NAMES, self._models.set_model, self._models.set_payloads)
         self._loop = JointStateLoop(self, self._on_state, self._refuse)

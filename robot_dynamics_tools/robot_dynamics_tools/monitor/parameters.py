@@ -8,6 +8,7 @@ from rclpy.expand_topic_name import expand_topic_name
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.parameters.declared_parameters import number, text
+from robot_dynamics.ros.parameters.robot_description import REPORT_COVARIANCE_SPEC
 from robot_dynamics_tools.monitoring.external_wrench import LARGEST_FORCE, LARGEST_TORQUE
 
 SPECS = (
@@ -25,6 +26,7 @@ SPECS = (
     number('external_wrench.largest_torque', LARGEST_TORQUE, 1e-3, 1e6, (
         'Largest expected external torque [N·m] about the origin of external_wrench.frame.'),
         read_only=True),
+    REPORT_COVARIANCE_SPEC,
 )
 
 

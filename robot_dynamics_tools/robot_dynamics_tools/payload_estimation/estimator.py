@@ -129,7 +129,7 @@ class PayloadEstimator:
         friction = self.arm.friction
         band = friction.at_rest.static + friction.load_coefficient * self._largest_effort
         solution = solve(
-            rows, rests, band, scale, self.arm.given_drive.torque_error_covariance())
+            rows, rests, band, scale, self.arm.given_report.torque_error_covariance())
         return make_result(
             self.arm, self.link, solution, rows, rests, band, self._block, self._position,
             with_advice)

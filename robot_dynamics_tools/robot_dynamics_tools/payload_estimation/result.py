@@ -155,7 +155,7 @@ def make_result(
 
 def _unknown_errors(arm: ArmModel) -> tuple[str, ...]:
     """Return which errors are not part of the deviations."""
-    is_calibrated = arm.drive is not None and arm.drive.covariance is not None
+    is_calibrated = arm.report is not None and arm.report.covariance is not None
     unknown = [
         name for name, is_known in (
             ('torque constant', is_calibrated),

@@ -187,11 +187,11 @@ def test_motor_currents_are_converted_by_the_parameters(tmp_path):
 def test_efforts_of_drives_are_converted_by_the_parameters(tmp_path):
     reported = MOTION.tau / [0.7, 1.3] + [8.0, -4.0]
     bag = recorded(tmp_path, states(tau=reported))
-    parameters = {'joints': ['joint1', 'joint2'], 'effort.scale': [0.7, 1.3],
-                  'effort.offset': [8.0, -4.0]}
+    parameters = {'joints': ['joint1', 'joint2'], 'effort.report_scale': [0.7, 1.3],
+                  'effort.report_offset': [8.0, -4.0]}
     analysis = analyze_recording(bag, AnalysisSettings(URDF, parameters=parameters))
     assert (analysis.statistics.relative < 2e-3).all()
-    assert any('effort.scale' in remark for remark in analysis.recording.remarks)
+    assert any('effort.report_scale' in remark for remark in analysis.recording.remarks)
     without = analyze_recording(bag, SETTINGS)
     assert (without.statistics.relative > 0.1).all()
     # gravity that the robot took out passes the drive together with the effort

@@ -28,11 +28,11 @@ GIVEN = """\
 dynamics:
   ros__parameters:
     command: gravity_compensation
-    effort.scale: [1.0, 1.0]
+    effort.report_scale: [1.0, 1.0]
 simulated_arm:
   ros__parameters:
     effort:
-      scale: [0.8, 1.25]
+      report_scale: [0.8, 1.25]
 """
 """A parameter file with a section for each node."""
 
@@ -66,16 +66,16 @@ def test_a_weight_gives_the_drives_of_the_arm(files, drives, tmp_path, capsys):
                '--tool-link', 'tool0', '--parameters', str(files / 'arm.yaml')) == 0
     values = read_parameter_file(output)
     arm = arm_from_parameters(default_arm_urdf(), values)
-    assert len(values.pop('effort.covariance')) == 10
-    assert (np.sqrt(np.diag(arm.drive.covariance)) < 1e-8).all()  # recordings without noise
-    np.testing.assert_allclose(arm.drive.torque(drives.offset), 0.0, atol=1e-3)
-    np.testing.assert_allclose(values.pop('effort.scale'), drives.scale, rtol=2e-5)
-    np.testing.assert_allclose(values.pop('effort.offset'), drives.offset, atol=1e-3)
+    assert len(values.pop('effort.report_covariance')) == 10
+    assert (np.sqrt(np.diag(arm.report.covariance)) < 1e-8).all()  # recordings without noise
+    np.testing.assert_allclose(arm.report.torque(drives.offset), 0.0, atol=1e-3)
+    np.testing.assert_allclose(values.pop('effort.report_scale'), drives.scale, rtol=2e-5)
+    np.testing.assert_allclose(values.pop('effort.report_offset'), drives.offset, atol=1e-3)
     given = read_parameter_file(files / 'arm.yaml')
-    del given['effort.scale']
+    del given['effort.report_scale']
     assert values == given
     simulated = read_parameter_file(output, 'simulated_arm')
-    assert simulated['effort.scale'] == [0.8, 1.25]
+    assert simulated['effort.report_scale'] == [0.8, 1.25]
     printed, errors = capsys.readouterr()
     assert errors == ''
     assert 'Verdict on 2 joints: 2 good.' in printed
@@ -95,18 +95,18 @@ def test_the_text_of_the_parameter_file(files, tmp_path):
     assert lines[0] == '# Effort scale and offset by `calibrate_gravity` from bare.'
     assert lines[1].startswith('# Assumed: the masses and centres of mass of the URDF are right.')
     found = read_parameter_file(output)
-    assert lines[first:] == GIVEN.replace('    effort.scale: [1.0, 1.0]', f"""\
+    assert lines[first:] == GIVEN.replace('    effort.report_scale: [1.0, 1.0]', f"""\
     effort:
-      scale: {found['effort.scale']}
-      offset: {found['effort.offset']}
-      covariance: {found['effort.covariance']}""").splitlines()
+      report_scale: {found['effort.report_scale']}
+      report_offset: {found['effort.report_offset']}
+      report_covariance: {found['effort.report_covariance']}""").splitlines()
 
 
 def test_without_a_parameter_file_the_joints_are_written(files, tmp_path):
     output = tmp_path / 'calibrated.yaml'
     assert run(files, output, 'tool', '--tool-link', 'tool0', '--tool-mass', '1.5') == 0
     assert list(read_parameter_file(output)) == [
-        'joints', 'effort.scale', 'effort.offset', 'effort.covariance']
+        'joints', 'effort.report_scale', 'effort.report_offset', 'effort.report_covariance']
     assert read_parameter_file(output)['joints'] == ['joint1', 'joint2']
 
 
@@ -117,12 +117,28 @@ def test_values_are_in_the_order_of_the_joints_of_the_file(files, tmp_path, driv
     output = tmp_path / 'calibrated.yaml'
     assert run(files, output, 'bare', '--parameters', str(parameters)) == 0
     values = read_parameter_file(output)
-    np.testing.assert_allclose(values['effort.scale'], drives.scale[::-1], rtol=2e-5)
+    np.testing.assert_allclose(values['effort.report_scale'], drives.scale[::-1], rtol=2e-5)
+
+
+def test_recorded_commands_give_the_calibration_of_the_command(files, drives, tmp_path, capsys):
+    """A drive whose report is right by 30 %, and whose command acts reversed, by a half."""
+    record_holds(
+        tmp_path / 'both', drives, poses_of(drives.arm, 8), command_scale=np.array([-0.5, 1.5]))
+    output = tmp_path / 'calibrated.yaml'
+    assert main([str(tmp_path / 'both'), '--urdf', str(files / 'arm.urdf'), '-o',
+                 str(output)]) == 0
+    values = read_parameter_file(output)
+    np.testing.assert_allclose(values['effort.report_scale'], drives.scale, rtol=2e-5)
+    np.testing.assert_allclose(values['effort.command_scale'], [-0.5, 1.5], rtol=2e-5)
+    np.testing.assert_allclose(values['effort.command_offset'], [0.0, 0.0], atol=1e-3)
+    printed, _ = capsys.readouterr()
+    assert 'Torque at the joint = effort scale · (commanded effort − effort offset):' in printed
 
 
 def test_previous_values_of_an_unobservable_joint_are_kept(files, drives):
     settings = AnalysisSettings(default_arm_urdf(), parameters={
-        'joints': ['joint2', 'joint1'], 'effort.scale': [1.1, 0.9], 'effort.offset': [0.2]})
+        'joints': ['joint2', 'joint1'], 'effort.report_scale': [1.1, 0.9],
+        'effort.report_offset': [0.2]})
     recorded = read_holds([files / 'bare'], settings)
     first = np.array(recorded.arm.joint_names) == 'joint1'
     one_side = [hold._replace(approach=np.where(first, 0, hold.approach))
@@ -130,7 +146,7 @@ def test_previous_values_of_an_unobservable_joint_are_kept(files, drives):
     found = calibrate_holds(recorded.arm, one_side)
     assert found.is_observable.tolist() == (~first).tolist()
     assert (found.scale[first], found.offset[first]) == (0.9, 0.2)
-    limit = recorded.arm.drive.limit[first]
+    limit = recorded.arm.report.limit[first]
     unknown = [np.flatnonzero(first)[0], 2 + np.flatnonzero(first)[0]]
     np.testing.assert_allclose(
         found.covariance[np.ix_(unknown, unknown)],
@@ -149,7 +165,7 @@ def test_values_that_the_nodes_refuse_are_not_written(files, drives, tmp_path, c
     printed, errors = capsys.readouterr()
     assert not output.exists()
     assert (tmp_path / 'calibrated.html').is_file()
-    assert 'the scale is not in [0.2, 5]' in printed
+    assert 'the scale is not in ±[0.2, 5]' in printed
     assert errors == (f'calibrate_gravity: {output} is not written, because the nodes would not '
                       'accept all values\n')
 

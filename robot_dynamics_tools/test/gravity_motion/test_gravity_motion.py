@@ -60,8 +60,10 @@ def nodes() -> Iterator[None]:
             NodeProcess(SIMULATED_ARM, {
                 'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0,
                 'friction.coulomb': [COULOMB],
-                'joints': ['joint1', 'joint2'], 'effort.scale': SCALE.tolist(),
-                'effort.offset': OFFSET.tolist()})):
+                'joints': ['joint1', 'joint2'], **{
+                    f'effort.{direction}_{name}': values.tolist()
+                    for direction in ('command', 'report')
+                    for name, values in (('scale', SCALE), ('offset', OFFSET))}})):
         yield
 
 
@@ -163,8 +165,9 @@ def test_the_tool_calibrates_with_a_weight(request_of, client, monkeypatch, caps
         out.index('Remove the weight from link2')) < out.index('~/set_payload: no payload') < (
         out.index(f'Recorded: {first}, {second}'))
     found = read_parameter_file(output)
-    np.testing.assert_allclose(found['effort.scale'], SCALE, rtol=0.005)
-    np.testing.assert_allclose(found['effort.offset'], OFFSET, atol=0.1)
+    for direction in ('command', 'report'):
+        np.testing.assert_allclose(found[f'effort.{direction}_scale'], SCALE, rtol=0.005)
+        np.testing.assert_allclose(found[f'effort.{direction}_offset'], OFFSET, atol=0.1)
 
 
 # --- confirmation and rejections -----------------------------------------------------------------

@@ -3,6 +3,8 @@
 
 """Identification of arms whose parameters are known."""
 
+from dataclasses import replace
+
 from arm_motions import fourier_motion, moves_with_pauses
 from identification_bench import (
     changed_arm,
@@ -122,15 +124,20 @@ def test_the_library_computes_what_was_reported(planar, found):
 
 def test_drives_stay_in_the_parameters(found):
     fit = found.models.consistent
-    drive = make_effort_calibration(ARM.joint_names, [0.7, 1.3], [8.0, -4.0], ARM.limits.effort)
-    arm = ARM.with_drive(drive)
-    values = parameter_values(arm, fit, given={'effort.scale': [0.7, 1.3, 1.0]})  # of a hand, too
-    assert values['effort.scale'] == [0.7, 1.3]
-    assert values['effort.offset'] == [8.0, -4.0]
+    report = make_effort_calibration(ARM.joint_names, [0.7, 1.3], [8.0, -4.0], ARM.limits.effort)
+    command = make_effort_calibration(ARM.joint_names, [-2.0], [0.5], ARM.limits.effort)
+    arm = replace(ARM.with_drive(command), report=report)
+    given = {'effort.report_scale': [0.7, 1.3, 1.0], 'effort.command_scale': [-2.0] * 3}  # a hand
+    values = parameter_values(arm, fit, given=given)
+    assert values['effort.command_scale'] == [-2.0, -2.0]
+    assert values['effort.command_offset'] == [0.5, 0.5]
+    assert values['effort.report_scale'] == [0.7, 1.3]
+    assert values['effort.report_offset'] == [8.0, -4.0]
     # τ = G s (i − o): as joint effort, the offset of the current i is G o
     values = parameter_values(arm, fit, [10.0, 5.0])
-    assert values['effort.scale'] == [0.7, 1.3]
-    assert values['effort.offset'] == [80.0, -20.0]
+    assert values['effort.report_scale'] == [0.7, 1.3]
+    assert values['effort.report_offset'] == [80.0, -20.0]
+    assert values['effort.command_offset'] == [0.5, 0.5]
     assert not any(name.startswith('effort.') for name in parameter_values(ARM, fit))
 
 

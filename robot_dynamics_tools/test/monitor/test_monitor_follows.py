@@ -77,7 +77,7 @@ def test_parameters_and_payloads_of_another_node_are_followed(client):
     node = '/led/dynamics_monitor'
     with running(
             NodeProcess(DYNAMICS, {
-                **UNHURRIED, 'joints': NAMES, 'effort.scale': [0.5],
+                **UNHURRIED, 'joints': NAMES, 'effort.report_scale': [0.5],
                 'external_effort_bandwidth': 50.0}, namespace='/led', node_name='dynamics'),
             NodeProcess(MONITOR, namespace='/led')):
         robot = HeldRobot(client, '/led', True, position=START, effort=(2.0 * G).tolist())

@@ -31,7 +31,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 START = np.array([0.8, 0.5])
 ROBOT = {
     'joints': NAMES, 'friction.viscous': [1.5, 0.5], 'friction.coulomb': [1.0, 0.5],
-    'effort.scale': [0.8, 1.2], 'effort.offset': [0.5, -0.3]}
+    'effort.command_scale': [0.8, 1.2], 'effort.command_offset': [0.5, -0.3],
+    'effort.report_scale': [0.8, 1.2], 'effort.report_offset': [0.5, -0.3]}
 LOAD = make_payload('tool0', 2.0, (0.05, 0.0, 0.1))
 SECONDS = 8
 HOLDS = ((10, 0.2), (11, 0.0), (13, 0.0), (14, -0.2), (15, 0.0), (17, 0.0))

@@ -3,6 +3,8 @@
 
 """Deviations of a payload that contain the errors of calibrated drives."""
 
+from dataclasses import replace
+
 import numpy as np
 from payload_bench import (
     Case,
@@ -29,7 +31,7 @@ def estimate_with_uncertain_drives(
     C[n:, n:] = np.diag((0.0005 * limit)**2)
     drive = make_effort_calibration(exact.arm.joint_names, [1.0], [0.0], limit, C)
     error = np.random.default_rng(seed + 40_000).multivariate_normal(np.zeros(2 * n), C)
-    case = exact._replace(arm=exact.arm.with_drive(drive))
+    case = exact._replace(arm=replace(exact.arm, report=drive))
     effort = measured(exact, samples) * (1.0 + error[:n]) - error[n:]
     return case, estimated(case, samples, effort), estimated(exact, samples, effort)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from recordings import encoded, START_NS, write_recording
+from recordings import encoded, START_NS, write_topics
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model import ArmModel, make_payload, RigidBody
 from robot_dynamics_tools.gravity_calibration import Hold, select_poses
@@ -83,10 +83,12 @@ def load_on(name: str, mass: float, com=(0.03, 0.02, 0.1)):
 
 def record_holds(
     path: Path, drives: HiddenDrives, positions: FloatArray, arm: ArmModel | None = None,
+    command_scale: FloatArray | None = None,
 ) -> Path:
     """
     Write the joint states, at 50 Hz, of a driver that rests for 2 s in each position.
 
+    With `command_scale` (n,), the torque per unit of command, write its commands too.
     It approaches each position from both sides, linearly from position ± 0.1. Dry friction has
     the sign of the last motion.
     """
@@ -101,4 +103,8 @@ def record_holds(
     torque = RigidBody(arm or drives.arm).gravity_batch(q) + np.concatenate(dry)
     effort = torque / drives.scale + drives.offset + drives.noise * rng.normal(size=q.shape)
     stamps_ns = START_NS + 20_000_000 * np.arange(len(q))
-    return write_recording(path, encoded(stamps_ns, drives.arm.joint_names, q, None, effort))
+    names = drives.arm.joint_names
+    topics = {'/joint_states': encoded(stamps_ns, names, q, None, effort)}
+    if command_scale is not None:
+        topics['/arm/effort_command'] = encoded(stamps_ns, names, effort=torque / command_scale)
+    return write_topics(path, topics)

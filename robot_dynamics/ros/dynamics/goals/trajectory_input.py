@@ -118,7 +118,7 @@ class TrajectoryInput:
         """Return the status `reference` for the diagnostics."""
         loop, following = self._path.loop, self._path.states.following
         level, words = WARN if self.refusal else OK, 'following' if following else 'none'
-        missing = shortfall(loop.controller) if loop is not None and following else ''
+        missing = shortfall(loop.controller, loop.drives) if loop is not None and following else ''
         oscillation = '' if loop is None else str(loop.controller.laws.oscillation)
         if loop is not None and loop.goals.interruption:
             level, words = WARN, f'ended early: {loop.goals.interruption}'

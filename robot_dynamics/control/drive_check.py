@@ -1,0 +1,227 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The drive check: whether the commanded torque acts at the joints.
+
+Each state costs one sum. At the end of an interval of 10 to 40 ms (`drive_samples`), the torque
+that the motion needs is compared with the command; only if they differ by more than friction,
+rotors and the model explain, the causes are compared (`drive_causes`). The verdicts
+(`drive_verdicts`) are computed when they are read, outside the control path.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.control_output import ControlOutput
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.options import DEFAULT_EFFORT_RATE, FULL_EFFORT_TIME
+from robot_dynamics.control.safety.faults import Fault
+from robot_dynamics.model.regressor import LoadRegressor
+from robot_dynamics.monitoring.drive_causes import (
+    Cause,
+    compare,
+    Comparison,
+    DriveModel,
+    GRAVITY,
+    Joints,
+    MODEL,
+    REVERSED,
+    SCALE,
+    SLOW,
+)
+from robot_dynamics.monitoring.drive_samples import (
+    COUNT,
+    DriveSamples,
+    DriveWindow,
+    LONGEST,
+    START,
+    starts_at_rest,
+)
+from robot_dynamics.monitoring.drive_verdicts import (
+    agreeing,
+    candidates,
+    causes_verdicts,
+    finite_limits,
+    NOT_YET,
+    report_verdicts,
+    resting_verdicts,
+    right_verdict,
+    Verdict,
+)
+
+RECENT = 10
+"""Samples that decide in the control path, after START."""
+SOFT = 0.05
+"""
+Feedback, as a fraction of the effort limit, with which a command begins: what friction can bear.
+
+A drive with the opposite sign turns feedback into a motor; that of gravity alone shows it.
+"""
+SOFT_TIME, SOFT_RAMP = 0.06, 0.14
+"""[s] of the first command with this feedback, and [s] in which it then grows by the limit."""
+NAMING = 0.3
+"""[s] after a wrong drive was seen that its name is decided from."""
+
+
+class WrongDrive(NamedTuple):
+    """A wrong drive that was seen in the control path: its cause, and when [s]."""
+
+    time: float
+    cause: Cause
+
+
+class DriveCheck:
+    """Checks the drives of one arm; the control path calls `take` with the controller's lock."""
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller, arm = controller, controller.arm
+        limit = finite_limits(arm.limits.effort, DEFAULT_EFFORT_RATE * FULL_EFFORT_TIME)
+        self.joints = joints = Joints.of_arm(arm, limit)
+        self._friction = joints.friction[0]
+        self._rotor = 0.5 * (joints.rotor[0] + joints.rotor[1])
+        self.samples = DriveSamples(arm.joint_count)
+        self._loads = [LoadRegressor(arm, arm.link_names[-1]) for _ in range(2)]
+        """One for the control path, one for `verdicts`."""
+        self._n, self._none = arm.joint_count, np.zeros(arm.joint_count)
+        self._is_commanded = False
+        self._found: dict[int, Verdict] = {}
+        self._right: dict[int, Verdict] = {}
+        self.soft_until = -np.inf
+        """Time [s] until which the feedback is bounded."""
+        self.wrong: WrongDrive | None = None
+        """The wrong drive that was seen since the first command, or None."""
+
+    def go_on(self) -> None:
+        """Begin with an arm that is commanded already, by another model: this is no start."""
+        self._is_commanded = True
+
+    def restart(self) -> None:
+        """Continue after a gap of the states."""
+        self.samples.restart()
+
+    def command(self, time: float, effort: FloatArray) -> None:
+        """Take an effort (n,) that is commanded without a state."""
+        if time > self.samples.due + LONGEST:  # no states arrive
+            self.samples.restart()
+        self.samples.command(time, effort)
+
+    def softened(self, time: float, output: ControlOutput, command: FloatArray) -> FloatArray:
+        """Return a command (n,) whose feedback is bounded, at a time [s] of the states."""
+        holding = output.holding_effort()
+        feedback = command - holding
+        grown = max(0.0, time - self.samples.start - SOFT_TIME) / SOFT_RAMP
+        share = (SOFT + grown) * self.joints.limit / np.maximum(np.abs(feedback), 1e-9)
+        return np.asarray(holding + min(1.0, float(share.min())) * feedback)
+
+    def take(
+        self, time: float, output: ControlOutput, effort: FloatArray | None,
+    ) -> Fault | None:
+        """
+        Take a state and the effort (n,) commanded for it; return the fault of a wrong drive.
+
+        `time` [s] is that of the states. `effort` is None without a command.
+        """
+        samples = self.samples
+        if effort is None:
+            effort, self._is_commanded = self._none, False
+        elif not self._is_commanded:
+            self._is_commanded, self.wrong = True, None
+            self._found, self._right = {}, {}
+            self.soft_until = time + SOFT_TIME + SOFT_RAMP
+            samples.begin(time)
+        if time < samples.due:  # the usual case
+            samples.commands.append(effort)
+            samples.since.append(time)
+            return None
+        mean, state = samples.mean_command(time), output.state
+        if mean is not None:
+            mean = output.robot.gravity + output.robot.friction + (
+                mean if output.drive is None else output.drive.torque(mean))
+        is_new = samples.take(time, state.q, state.v, mean, state.dynamics)
+        samples.command(time, effort)
+        if not is_new or self.wrong is not None or not self._is_commanded or (
+                not self._controller.laws.follows or not self._is_suspicious(*samples.last)):
+            return None
+        is_start = time <= samples.start + START
+        window = samples.window(COUNT if is_start else RECENT)
+        try:
+            comparison = self._compare(window, is_start, 0)
+        except np.linalg.LinAlgError:  # an error of the check must not stop the control path
+            return None
+        found = candidates(comparison)
+        if not found:
+            return None
+        verdicts = causes_verdicts(comparison, found)
+        self._found.update(verdicts)
+        self.wrong = WrongDrive(time, found[0])
+        return self._fault(found, verdicts)
+
+    def _fault(self, found: list[Cause], verdicts: dict[int, Verdict]) -> Fault:
+        """Return the fault of causes: it releases joints that their drives may turn to motors."""
+        worst = next(iter(verdicts))
+        drives = any(
+            one.name in (REVERSED, GRAVITY) or one.name == SCALE and not 0.0 <= one.value <= 1.0
+            for one in found)
+        name, verdict = self._controller.arm.joint_names[worst], verdicts[worst]
+        return Fault(
+            'wrong_drive', f'{name!r}: {verdict.verdict}; {verdict.sentence}', latched=True,
+            released=tuple(verdicts) if drives else ())
+
+    def _is_suspicious(self, u: FloatArray, y: FloatArray, a: FloatArray) -> bool:
+        """Return whether a sample needs more torque y than that of a right drive."""
+        error = np.abs(y - u) - self._rotor * np.abs(a) - MODEL * np.abs(u)
+        return bool((error > self._friction).any())
+
+    def _compare(self, window: DriveWindow, is_start: bool, user: int) -> Comparison:
+        is_start = is_start and starts_at_rest(window, self.samples.start)
+        columns = self._loads[user](window.position, window.velocity, window.acceleration)
+        return compare(DriveModel(window, self.joints, is_start), columns[..., :4], user == 1)
+
+    # ------------------------------------------------------------------ verdicts
+
+    def is_right(self, joint: int) -> bool:
+        """Return whether the motion has confirmed the drive of a joint."""
+        return joint in self._right and joint not in self._found
+
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Return the verdict on each joint; takes some milliseconds, in any one thread."""
+        with self._controller.lock:
+            window, start = self.samples.window(), self.samples.start
+            wrong, is_commanded = self.wrong, self._is_commanded
+            found, right = self._found, self._right
+        may_name = is_commanded and len(window.time) > 0 and self._controller.laws.follows
+        if may_name and (wrong is not None or (
+                len(right) < self._n and bool((np.abs(window.velocity) > SLOW).any()))):
+            self._name(window, start, wrong, found, right)
+        found.update(resting_verdicts(window, self.joints, is_commanded))
+        agrees = np.array([j in right for j in range(self._n)])
+        reported = report_verdicts(window, self.joints, agrees) if is_commanded else {}
+        return tuple(
+            found.get(j) or reported.get(j) or right.get(j, NOT_YET) for j in range(self._n))
+
+    def _name(
+        self, window: DriveWindow, start: float, wrong: WrongDrive | None,
+        found: dict[int, Verdict], right: dict[int, Verdict],
+    ) -> None:
+        """Add the verdicts of a window of samples with a command."""
+        first = window.between(start, start + START)
+        if wrong is not None:
+            is_start = wrong.time <= start + START
+            window = window.between(start if is_start else wrong.time - 2.0 * NAMING,
+                                    wrong.time + NAMING)
+        else:
+            is_start = len(first.time) > 0 and window.time[-1] <= start + 2.0 * START
+            window = first if is_start else window.between(start + START, np.inf)
+        if len(window.time) == 0:
+            return
+        comparison = self._compare(window, is_start, 1)
+        named = causes_verdicts(comparison, candidates(
+            comparison, None if wrong is None else wrong.cause.joint))
+        found.update(named)
+        if wrong is None and not named:
+            right.update({
+                j: right_verdict(float(comparison.gains.gain[j]), float(
+                    comparison.gains.deviation[j]))
+                for j in np.flatnonzero(agreeing(comparison)).tolist() if j not in found})

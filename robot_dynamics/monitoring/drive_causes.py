@@ -1,0 +1,385 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The causes that explain the torque of a motion by the command, compared for the arm as a whole.
+
+Each cause is a linear model of the torque y that the motion needs (`drive_samples`),
+
+    y = k x − F sgn(v) − J a + noise,
+
+with a normal prior of the gain k, and of the dry friction F and the rotor J that the model lacks.
+x is the command u, or what the cause makes of it. The evidence of a cause, log ∫ p(y | k, F, J)
+p(k, F, J), punishes causes that could have explained anything, such as a push, by itself (D. J. C.
+MacKay, *Information Theory, Inference, and Learning Algorithms*, Cambridge 2003, chapter 28).
+A cause at one joint explains the arm with all other drives right; a cause at all joints has the
+sum of their evidences. A push is a torque at each joint that walks at random; a load is one mass
+at one point of the last link.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.monitoring.drive_samples import (
+    DriveWindow,
+    FIRST_INTERVAL,
+    INTERVAL,
+)
+
+FRICTION = 0.03, 0.02
+"""Dry friction of usual gearboxes as a fraction of the effort limit, and its deviation."""
+KNOWN_FRICTION = 0.3
+"""Deviation of known friction, as a fraction of it: it changes with temperature and load."""
+ROTOR = 1.5e-3, 1e-3
+"""
+Inertia of rotors that the model lacks by the effort limit [s²], and its deviation.
+
+Most drives reach 170 to 700 rad/s² at their limit, slow ones 17 (`model_check.rotor_check`).
+"""
+HEAVY_ROTOR = 0.02, 0.02
+"""The same of slow drives, which a right drive may have too."""
+MODEL = 0.08
+"""Deviation of k of a right drive: masses and torque constants of data sheets."""
+SPEED_NOISE = 0.003
+"""[rad/s] or [m/s], deviation of a velocity."""
+DELAY = 0.004
+"""[s] by which a command of a right drive may act late."""
+SLOW = 0.02
+"""[rad/s] or [m/s] up to which dry friction has any value."""
+VIBRATES, LARGEST = 0.4, 1.2
+"""
+Share of turns of the acceleration from which a joint vibrates, and torque by the effort limit that
+no drive delivers: gearboxes that yield look so.
+"""
+STEADY = 0.5
+"""Least distance by way of a joint that does not vibrate."""
+PUSH = 0.3
+"""Deviation of a push as a fraction of the effort limit."""
+PUSH_ODDS = -7.0, 12.0
+"""
+Log odds of a push, against a wrong drive, within START and later.
+
+A push within 0.3 s of the first command is a coincidence; a drive does not become wrong later.
+"""
+PUSH_RATE = 0.7
+"""Deviation of its change in 1 s [1/√s]: 0.1 of the effort limit within 20 ms."""
+LOAD = 0.15
+"""Deviation of the torque of a load, as a fraction of the effort limit of some joint."""
+LOAD_REACH = 0.15
+"""[m], deviation of the centre of mass of a load from the last link."""
+
+GOOD, PUSHED, LOADED, GRAVITY = 'agrees', 'a push or a contact', 'a load', 'adds gravity'
+RIGHT = GOOD, PUSHED, LOADED
+REVERSED, NO_EFFECT, SCALE, CLIPPED = 'reversed', 'no effect', 'command scale', 'clipped at'
+DELAYED = 'delayed by'
+DELAY_MARGIN = 40.0
+"""Log evidence that a delay needs more: loads and rotors in a fast motion look like one."""
+DELAYS = 0.03, 0.04, 0.06, 0.08
+"""[s]: shorter ones cannot be told from the model in samples of 40 ms."""
+GAINS = {REVERSED: (-1.0, 0.1), NO_EFFECT: (0.0, 0.03), SCALE: (1.5, 1.5)}
+"""Mean and deviation of k of the causes that scale the command."""
+
+
+LEAST_CLIP = 0.05
+"""Least clipped torque as a fraction of the effort limit: less is no effect beyond friction."""
+CLIP = 0.1, 0.1
+"""Mean and deviation of a clipped torque as a fraction of the effort limit."""
+AGAINST = 3.0
+"""Log evidence at a joint against a cause of the whole arm, or for it."""
+POOR = 2.0
+"""Log evidence per sample below which a cause does not explain it: three times the noise."""
+ALL = -1
+"""Instead of a joint: all joints."""
+
+
+class Cause(NamedTuple):
+    """
+    A cause, the joint that has it, or ALL, and its log evidence beyond that of right drives.
+
+    `value` is the gain, or the clipped torque [N·m] or [N], `deviation` its standard deviation.
+    """
+
+    name: str
+    joint: int
+    evidence: float
+    value: float = 0.0
+    deviation: float = 0.0
+
+
+class Fits(NamedTuple):
+    """Log evidence, mean and deviation of k, and mean of J, of each joint (n,)."""
+
+    evidence: FloatArray
+    gain: FloatArray
+    deviation: FloatArray
+    rotor: FloatArray
+
+
+class Joints(NamedTuple):
+    """Effort limit, and the priors (mean, deviation) of what the model lacks, each (n,)."""
+
+    limit: FloatArray
+    friction: tuple[FloatArray, FloatArray]
+    rotor: tuple[FloatArray, FloatArray]
+
+    @classmethod
+    def of_arm(cls, arm: ArmModel, limit: FloatArray) -> 'Joints':
+        """Return those of an arm; `limit` (n,) [N·m] or [N] is finite."""
+        dry = arm.friction.at_rest.static
+        is_known = arm.reflected_inertia > 0.0
+        return cls(
+            limit, (np.maximum(FRICTION[0] * limit, dry),
+                    np.maximum(FRICTION[1] * limit, KNOWN_FRICTION * dry)),
+            (np.where(is_known, 0.0, ROTOR[0] * limit), ROTOR[1] * limit))
+
+    @property
+    def visible(self) -> FloatArray:
+        """The torque (n,) beyond g(q) from which a motion shows its drive: more than friction."""
+        return self.friction[0] + 2.0 * self.friction[1]
+
+
+class DriveModel:
+    """The samples of a window, ready for the comparison of causes."""
+
+    def __init__(
+        self, window: DriveWindow, joints: Joints, is_start: bool,
+    ) -> None:
+        """
+        Take a window of samples.
+
+        Samples in which the motion needs no torque beyond g(q) say nothing, because a contact may
+        hold the arm, unless `is_start`: then the arm has just been released.
+        """
+        self.window, self.joints, limit = window, joints, joints.limit
+        self.is_start = is_start
+        sign = np.where(np.abs(window.velocity) > SLOW, np.sign(window.velocity), 0.0)
+        self._passive = np.stack((-sign, -window.acceleration), axis=-1)
+        passed = np.diff(window.time)
+        duration = np.maximum(np.append(passed[:1], passed) if len(passed) else np.array(
+            [FIRST_INTERVAL]), 1e-3)[:, np.newaxis]
+        # before the first command, something holds the arm
+        late = np.abs(np.diff(window.commanded, axis=0, prepend=window.gravity[:1]))
+        at_rest = np.where(sign == 0.0, sum(joints.friction), 0.0)
+        self.noise = np.sqrt(
+            (window.inertia * SPEED_NOISE / duration)**2 + (0.005 * limit)**2
+            + (0.03 * window.needed)**2 + (DELAY / duration * late)**2 + at_rest**2)
+        turns = np.zeros_like(sign, dtype=bool)
+        turns[1:] = window.acceleration[1:] * window.acceleration[:-1] < 0.0
+        turns |= turns.mean(axis=0) > VIBRATES
+        turns[:-1] |= turns[1:]
+        turns |= np.abs(window.needed) > LARGEST * limit
+        self.moves = (sign != 0.0) & ~turns
+        """Marks the samples (k, n) in a motion that is no vibration."""
+        way = window.velocity * duration
+        steady = np.abs(way.cumsum(axis=0)) > STEADY * np.abs(way).cumsum(axis=0)
+        accelerates = np.abs(window.needed - window.gravity) > joints.visible
+        counts = self.moves & steady
+        if not is_start:
+            counts &= accelerates
+        else:  # friction at rest is one value, whatever the number of samples
+            error = np.abs(window.needed[-1] - window.commanded[-1])
+            counts[-1] |= ~accelerates[-1] & (error < joints.visible)
+        self._noise, self.counts = self.noise, counts
+        self.only(counts)
+
+    def only(self, counts: BoolArray) -> None:
+        """Let only these samples (k, n) count."""
+        self.counts, self.noise = counts, np.where(counts, self._noise, 1e6 * self.joints.limit)
+
+    def _priors(self, gain: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+        """Return mean and deviation (n, 3) of k, F and J."""
+        joints, same = self.joints, np.ones_like(self.joints.limit)
+        mean, spread = (
+            np.stack((gain[i] * same, joints.friction[i], joints.rotor[i]), axis=-1)
+            for i in range(2))
+        return mean, spread
+
+    def fit(
+        self, x: FloatArray, gain: tuple[float, float], y: FloatArray | None = None,
+        is_pushed: bool = False,
+    ) -> Fits:
+        """Return the fits of y (k, n), by default the needed torque, by x (k, n) and `gain`."""
+        y = self.window.needed if y is None else y
+        mean, spread = self._priors(gain)
+        A = np.concatenate((x[..., np.newaxis], self._passive), axis=-1)
+        r = (y - (A * mean).sum(axis=-1)) / self.noise
+        A = A * spread / self.noise[..., np.newaxis]
+        log_volume = np.zeros(y.shape[1])
+        if is_pushed:
+            A, r, log_volume = self._without_pushes(A, r)
+        P = np.eye(3) + np.einsum('kni,knj->nij', A, A)
+        h = np.einsum('kni,kn->ni', A, r)
+        d = np.linalg.solve(P, h[..., np.newaxis])[..., 0]
+        evidence = -0.5 * (
+            (r * r).sum(axis=0) - (h * d).sum(axis=1) + np.linalg.slogdet(P)[1] + log_volume)
+        deviation = spread[:, 0] * np.sqrt(np.linalg.inv(P)[:, 0, 0])
+        k, rotor = mean[:, 0] + spread[:, 0] * d[:, 0], mean[:, 2] + spread[:, 2] * d[:, 2]
+        return Fits(evidence, k, deviation, rotor)
+
+    def explains(self, fits: Fits) -> BoolArray:
+        """Return at which joints (n,) the residuals are those of the noise."""
+        return np.asarray(fits.evidence > -POOR * (self.counts.sum(axis=0) + 5.0))
+
+    def explains_arm(self, fits: Fits) -> bool:
+        """Return whether the residuals of all joints together are those of the noise."""
+        return bool(fits.evidence.sum() > -POOR * (self.counts.sum(axis=0) + 5.0).sum())
+
+    def right(self) -> Fits:
+        """Return the fits of right drives, with the rotor that fits better and is not negative."""
+        light, joints = self.fit(self.window.commanded, (1.0, MODEL)), self.joints
+        self.joints = joints._replace(rotor=(
+            HEAVY_ROTOR[0] * joints.limit, HEAVY_ROTOR[1] * joints.limit))
+        heavy = self.fit(self.window.commanded, (1.0, MODEL))
+        self.joints = joints
+        return light._replace(evidence=np.where(
+            heavy.rotor > 0.0, np.maximum(heavy.evidence, light.evidence), light.evidence))
+
+    def _without_pushes(
+        self, A: FloatArray, r: FloatArray,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return A and r whitened by a push that walks at random, and its log volume (n,)."""
+        t = self.window.time - self.window.time[0]
+        K = PUSH**2 + PUSH_RATE**2 * np.minimum(t, t[:, np.newaxis])
+        w = (self.joints.limit / self.noise).T
+        C = np.linalg.cholesky(np.eye(len(t)) + K * w[:, :, np.newaxis] * w[:, np.newaxis, :])
+        columns = np.concatenate((A, r[..., np.newaxis]), axis=-1).swapaxes(0, 1)
+        both = np.asarray(np.linalg.solve(C, columns), dtype=np.float64)
+        volume = 2.0 * np.log(np.diagonal(C, axis1=1, axis2=2)).sum(axis=1)
+        return both[..., :3].swapaxes(0, 1), both[..., 3].T, np.asarray(volume)
+
+    def clipped(self) -> Fits:
+        """Return the fits of a torque that is clipped; their gain is the clipped torque (n,)."""
+        u, limit = self.window.commanded, self.joints.limit
+        largest = np.abs(np.where(self.counts, u, 0.0)).max(axis=0)
+        noise, self.noise = self.noise, np.where(
+            np.abs(u) < 0.5 * largest, 1e6 * limit, self.noise)
+        first = self.fit(np.sign(u) * limit, CLIP)
+        self.noise = noise
+        at = limit * np.maximum(first.gain, LEAST_CLIP)
+        fits = self.fit(np.clip(u, -at, at), (1.0, MODEL))
+        volume = np.log(CLIP[1] / np.minimum(first.deviation, CLIP[1]))
+        return Fits(np.where(at < largest, fits.evidence - volume, -np.inf), at, limit * (
+            first.deviation), fits.rotor)
+
+    def load(self, columns: FloatArray) -> float:
+        """
+        Return the log evidence of a load; `columns` (k, n, 4) are torques per m and m c.
+
+        A negative mass is none.
+        """
+        k, n, _ = columns.shape
+        reach = np.array((1.0, *3 * (LOAD_REACH,)))
+        lever = (np.abs(columns) * reach / self.joints.limit[:, np.newaxis]).max(initial=1e-9)
+        heaviest = LOAD / lever
+        A = np.zeros((k, n, 3 * n + 4))
+        joints = np.arange(n)
+        A[:, joints, joints] = self.window.commanded
+        A[:, joints, n + joints] = self._passive[..., 0]
+        A[:, joints, 2 * n + joints] = self._passive[..., 1]
+        A[..., 3 * n:] = -columns
+        mean, spread = (values.T.ravel() for values in self._priors((1.0, MODEL)))
+        mean = np.append(mean, np.zeros(4))
+        spread = np.append(spread, heaviest * reach)
+        A, noise = A.reshape(k * n, -1), self.noise.reshape(-1)
+        r = (self.window.needed.reshape(-1) - A @ mean) / noise
+        A = A * (spread / noise[:, np.newaxis])
+        P, h = np.eye(len(mean)) + A.T @ A, A.T @ r
+        d = np.linalg.solve(P, h)
+        if d[3 * n] < 0.0:
+            return -np.inf
+        return float(-0.5 * (r @ r - h @ d + np.linalg.slogdet(P)[1]))
+
+
+class Comparison(NamedTuple):
+    """
+    All causes, the best first, the gains of the drives, and the doubt (n,); see `compare`.
+
+    The doubt is the log evidence of a reversed drive or none, beyond that of a right one.
+    """
+
+    causes: list[Cause]
+    gains: Fits
+    doubt: FloatArray
+
+    @property
+    def wrong(self) -> list[Cause]:
+        """The causes that are wrong drives."""
+        return [cause for cause in self.causes if cause.name not in RIGHT]
+
+    @property
+    def certainty(self) -> float:
+        """The log evidence of the best wrong drive beyond that of the best right cause."""
+        return self.wrong[0].evidence - max(
+            cause.evidence for cause in self.causes if cause.name in RIGHT)
+
+
+def compare(
+    model: DriveModel, columns: FloatArray, is_thorough: bool = False,
+) -> Comparison:
+    """
+    Return the comparison; `columns` are those of `DriveModel.load`.
+
+    `is_thorough` adds delays, and makes gains and doubt those of the whole motion.
+    """
+    window, u = model.window, model.window.commanded
+    gain = 1.0, MODEL
+    good, push = model.right(), PUSH_ODDS[0 if model.is_start else 1]
+    base = float(good.evidence.sum())
+    pushed = np.maximum(model.fit(u, gain, is_pushed=True).evidence, good.evidence)
+    gravity = model.fit(u, gain, window.needed - window.gravity)
+    found = [
+        Cause(GOOD, ALL, 0.0), Cause(PUSHED, ALL, push + float(pushed.sum()) - base),
+        Cause(LOADED, ALL, model.load(columns) - base),
+        Cause(GRAVITY, ALL, float(gravity.evidence.sum()) - base if (
+            model.explains_arm(gravity)) else -np.inf)]
+    doubt = np.full(len(good.gain), -np.inf)
+    for name, fits in (
+            *((name, model.fit(u, gain)) for name, gain in GAINS.items()),
+            (CLIPPED, model.clipped())):
+        more = np.where(model.explains(fits), fits.evidence - good.evidence, -np.inf)
+        doubt = np.maximum(doubt, more)
+        found += [
+            Cause(name, j, float(more[j]), float(fits.gain[j]), float(fits.deviation[j]))
+            for j in range(len(more))]
+        found.append(Cause(name, ALL, float(np.maximum(more, -1e3).sum())))
+    if is_thorough:
+        good, doubt, late = _in_motion(model, columns)
+        right = max(cause.evidence for cause in found if cause.name in RIGHT)
+        found += [cause._replace(evidence=right - push + cause.evidence) for cause in late
+                  if not model.is_start]
+    return Comparison(sorted(found, key=lambda cause: -cause.evidence), good, doubt)
+
+
+def _in_motion(model: DriveModel, columns: FloatArray) -> tuple[Fits, FloatArray, list[Cause]]:
+    """
+    Return the fits of free gains, the doubt (n,), and the delays, compared with a push or load.
+
+    All samples in motion count: a contact does not look like a right drive.
+    """
+    window, u, right = model.window, model.window.commanded, (1.0, MODEL)
+    before = model.counts
+    model.only(model.moves)
+    good, free = model.right(), model.fit(u, GAINS[SCALE])
+    doubt = np.maximum(*(model.fit(u, GAINS[name]).evidence for name in (REVERSED, NO_EFFECT)))
+    pushed = np.maximum(model.fit(u, right, is_pushed=True).evidence, good.evidence)
+    known = max(float(pushed.sum()), model.load(columns))
+    fits = [(d, model.fit(_delayed(window, d), right)) for d in DELAYS]
+    late = [
+        Cause(DELAYED, ALL, float(one.evidence.sum()) - known - DELAY_MARGIN, d, 0.25 * INTERVAL)
+        for d, one in fits if model.explains_arm(one) and _is_common(
+            one.evidence - good.evidence)]
+    model.only(before)
+    return free, doubt - good.evidence, late
+
+
+def _is_common(more: FloatArray) -> bool:
+    """Return whether log evidence (n,) favours a cause at several joints, opposes it at none."""
+    return bool((more > -AGAINST).all() and (more > AGAINST).sum() >= min(3, len(more)))
+
+
+def _delayed(window: DriveWindow, delay: float) -> FloatArray:
+    """Return the command (k, n) a time [s] earlier."""
+    return np.stack([
+        np.interp(window.time - delay, window.time, u) for u in window.commanded.T], axis=1)

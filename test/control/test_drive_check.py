@@ -1,0 +1,274 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The drive check: wrong drives are named at the joint that has them, right ones never."""
+
+from collections.abc import Callable
+
+from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, smooth_arm
+import numpy as np
+import pytest
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+
+Q = {'ur5': np.array([0.0, -1.2, 1.2, -1.0, -1.2, 0.2]),
+     'panda': np.array([0.0, -0.6, 0.1, -2.0, 0.1, 1.6, 0.2])}
+J = {'ur5': 1, 'panda': 3}
+"""A joint that gravity loads."""
+Drive = Callable[[FloatArray, FloatArray], FloatArray]
+"""Returns the torque (n,) at the joints for a command (n,) and g(q) (n,)."""
+
+
+def at(j: int, change: Callable[[float], float]) -> Drive:
+    """Return a drive that changes the command of one joint."""
+    def drive(tau: FloatArray, g: FloatArray) -> FloatArray:
+        tau = tau.copy()
+        tau[j] = change(float(tau[j]))
+        return tau
+    return drive
+
+
+class Driven(LockStep):
+    """An arm with rotors that the loop does not know, and with given drives."""
+
+    def __init__(
+        self, name: str, drive: Drive = lambda tau, g: tau, load: float = 0.0,
+        report: Drive | None = None, rate: float = 500.0,
+    ) -> None:
+        """`load` [kg] is a mass at the last link; `report` returns the report of a command."""
+        arm = smooth_arm(name)
+        self.drive, self.said = drive, report
+        super().__init__(arm, true_arm=_true_arm(arm, load), q=Q[name], rate=rate)
+
+    def _move(self, tau: FloatArray) -> None:
+        g = self._body.gravity(self.q)
+        samples = self.loop.drives.samples
+        if self.said is not None and samples.wants_report:
+            samples.report(self.said(tau, g))
+        super()._move(self.drive(tau, g))
+
+    def go(self, way: float) -> None:
+        """Move all joints by a way [rad]."""
+        names = self.arm.joint_names
+        goal = self.q + way * np.where(self.q > middle(self.arm), -1.0, 1.0)
+        self.loop.follow(make_trajectory(names, [0.0], [goal]))
+
+    def words(self) -> list[str]:
+        """Return the verdict of each joint."""
+        return [one.verdict for one in self.loop.drives.verdicts()]
+
+
+def _true_arm(arm: ArmModel, load: float) -> ArmModel:
+    true = arm.with_reflected_inertia(arm.limits.effort / 1000.0)
+    return true if load == 0.0 else true.with_payloads(
+        [make_payload(arm.link_names[-1], load, (0.0, 0.0, 0.05))])
+
+
+# --- wrong drives --------------------------------------------------------------------------------
+
+def is_about(verdict: str, word: str) -> bool:
+    """Return whether a verdict is this word, with its number within 15 %."""
+    name, _, number = word.rpartition(' ')
+    if not number.replace('.', '').isdigit():
+        return verdict.startswith(word)
+    return verdict.startswith(name) and float(verdict.split()[-1]) == pytest.approx(
+        float(number), rel=0.15)
+
+
+WRONG = {
+    'reversed': lambda tau: -tau, 'no effect': lambda tau: 0.0,
+    'command scale 0.25': lambda tau: 0.25 * tau, 'command scale 2': lambda tau: 2.0 * tau,
+    'command scale 4': lambda tau: 4.0 * tau, 'clipped at': lambda tau: np.clip(tau, -10.0, 10.0)}
+
+
+@pytest.mark.parametrize('name', ['ur5', 'panda'])
+@pytest.mark.parametrize('word', WRONG)
+@pytest.mark.parametrize('rate', [250.0, 1000.0])
+def test_a_wrong_drive_is_named_at_its_joint_only(name, word, rate):
+    one = Driven(name, at(J[name], WRONG[word]), rate=rate)
+    one.run(0.4)
+    words = one.words()
+    assert is_about(words[J[name]], word)
+    del words[J[name]]
+    assert set(words) <= {'agrees', 'not observable yet'}
+
+
+@pytest.mark.parametrize('name', ['ur5', 'panda'])
+@pytest.mark.parametrize(('word', 'drive'), [
+    ('adds gravity', lambda tau, g: tau + g), ('no effect', lambda tau, g: 0.0 * tau)])
+def test_a_cause_of_the_whole_arm_is_named_as_such(name, word, drive):
+    one = Driven(name, drive)
+    one.run(0.4)
+    assert one.words()[J[name]] == word
+    assert set(one.words()) <= {word, 'not observable yet'}
+
+
+def test_a_delay_is_named_in_motion():
+    one = Driven('ur5')
+    one.delay = 40
+    one.run(0.5)
+    one.go(0.4)
+    one.run(1.0)
+    assert 'delayed by 0.040' in one.words()
+    assert set(one.words()) <= {'delayed by 0.040', 'agrees', 'not observable yet'}
+
+
+def test_a_clipped_drive_and_a_scale_are_named_together_while_both_explain_the_motion():
+    """The command of the first 30 ms is that of gravity alone, which does not separate them."""
+    one = Driven('ur5', at(1, lambda tau: 0.3 * tau))
+    one.run(0.04)
+    verdict = one.loop.drives.verdicts()[1]
+    assert verdict.verdict.startswith('unclear: ')
+    assert 'command scale 0.' in verdict.verdict
+    assert 'clipped at' in verdict.verdict
+    assert verdict.sentence.endswith('a motion with other torques at this joint separates them')
+
+
+# --- right drives --------------------------------------------------------------------------------
+
+@pytest.mark.parametrize('name', ['ur5', 'panda'])
+@pytest.mark.parametrize('load', [0.0, 1.0])
+def test_right_drives_agree_after_a_motion_and_are_never_accused(name, load):
+    one = Driven(name, load=load)
+    one.run(0.5)
+    assert set(one.words()) <= {'agrees', 'not observable yet'}
+    one.go(0.5)
+    one.run(1.2)
+    assert set(one.words()) <= {'agrees', 'not observable yet'}
+    assert load > 0.0 or one.words().count('agrees') >= 3
+
+
+@pytest.mark.parametrize('name', ['ur5', 'panda'])
+@pytest.mark.parametrize('seed', range(3))
+def test_a_push_is_not_a_wrong_drive(name, seed):
+    one, rng = Driven(name), np.random.default_rng(seed)
+    force = 0.15 * one.arm.limits.effort * rng.uniform(-1.0, 1.0, len(one.q))
+    start = one.now
+    one.push = lambda t: force if 0.5 < t - start < 0.8 else 0.0
+    for _ in range(4):
+        one.run(0.4)
+        assert set(one.words()) <= {'agrees', 'not observable yet'}
+        assert one.loop.drives.wrong is None
+
+
+def test_an_arm_that_rests_shows_nothing():
+    one = Driven('ur5')
+    one.run(0.6)
+    assert one.words() == ['not observable yet'] * 6
+
+
+# --- reports -------------------------------------------------------------------------------------
+
+def test_the_scale_of_a_report_is_named_once_the_motion_confirms_the_command():
+    one = Driven('ur5', report=at(1, lambda tau: 2.0 * tau))
+    one.run(0.8)
+    assert one.words()[1] == 'unclear: report scale 2.0 or command scale 2.0'
+    one.go(0.5)
+    one.run(1.2)
+    verdict = one.loop.drives.verdicts()[1]
+    assert verdict.verdict == 'report scale 2.0'
+    assert 'set effort.report_scale to 0.' in verdict.sentence
+
+
+def test_a_report_in_steps_is_coarse():
+    one = Driven('ur5', report=at(1, lambda tau: 8.0 * round(tau / 8.0)))
+    one.run(0.3)
+    one.go(0.5)
+    one.run(1.0)
+    assert one.words()[1] == 'coarse 8.0'
+
+
+def test_a_robot_that_holds_itself_is_seen_without_a_command():
+    one = Driven('ur5', report=lambda tau, g: g)
+    one.loop.is_heard = False
+    one.drive = lambda tau, g: g
+    one.run(1.0)
+    assert one.words() == ['adds gravity'] * 6
+    assert one.loop.drives.verdicts()[0].sentence.startswith(
+        'the command that holds the arm is 0.00 g(q) ± ')
+
+
+def test_brakes_are_no_robot_that_holds_itself():
+    one = Driven('ur5', report=lambda tau, g: 0.0 * g)
+    one.loop.is_heard = False
+    one.drive = lambda tau, g: g
+    one.run(1.0)
+    assert one.words() == ['not observable yet'] * 6
+
+
+# --- samples -------------------------------------------------------------------------------------
+
+def test_the_needed_torque_of_a_known_arm_is_the_commanded_one():
+    one = LockStep(smooth_arm('ur5'), q=Q['ur5'])
+    one.run(0.5)
+    one.loop.follow(make_trajectory(one.arm.joint_names, [0.0], [Q['ur5'] + 0.4]))
+    one.run(0.6)
+    window = one.loop.drives.samples.window()
+    assert np.abs(window.acceleration).max() > 2.0
+    assert np.abs(window.needed - window.commanded).max() < 0.3
+    assert set(np.round(np.diff(window.time), 4)) == {0.01, 0.04}
+
+
+def test_no_sample_spans_a_gap():
+    one = LockStep(smooth_arm('ur5'), q=Q['ur5'])
+    one.run(0.5)
+    count = one.loop.drives.samples.count
+    for k in range(2):
+        one.loop.answer(FIRST_STAMP + (one.k + 300 * (k + 1)) * MS, one.q, one.v)
+    assert one.loop.drives.samples.count == count
+
+
+# --- the end of the command ----------------------------------------------------------------------
+
+@pytest.mark.parametrize('name', ['ur5', 'panda'])
+@pytest.mark.parametrize('word', [
+    'reversed', 'no effect', 'command scale 0.25', 'command scale 2'])
+@pytest.mark.parametrize('rate', [250.0, 1000.0])
+def test_a_wrong_drive_ends_the_command_before_the_arm_has_moved(name, word, rate):
+    one = Driven(name, at(J[name], WRONG[word]), rate=rate)
+    while one.loop.drives.wrong is None and one.k < 500:
+        one.run(0.004)
+    assert np.abs(one.q - Q[name]).max() <= 0.1
+    fault = one.loop.supervisor.fault
+    assert (fault.name, fault.latched) == ('wrong_drive', True)
+    assert f'{one.arm.joint_names[J[name]]!r}: ' in fault.message
+
+
+@pytest.mark.parametrize('word', ['reversed', 'command scale 4'])
+def test_a_drive_that_adds_energy_gets_no_effort_any_more(word):
+    one = Driven('ur5', at(1, WRONG[word]))
+    one.run(0.1)
+    effort = one.run(0.3).effort
+    assert np.nanmax(np.abs(effort[:, 1])) == 0.0
+    assert np.nanmin(np.abs(effort[:5, 2])) > 1.0  # the others are held
+
+
+def test_a_robot_that_adds_gravity_holds_itself_when_it_is_seen():
+    one = Driven('ur5', lambda tau, g: tau + g)
+    trace = one.run(0.5)
+    assert np.nanmax(np.abs(trace.effort[100:])) == 0.0
+    assert np.abs(trace.q[-1] - Q['ur5']).max() < 0.15  # it has no friction
+
+
+def test_after_a_reset_a_drive_that_is_right_now_is_commanded_again():
+    one = Driven('ur5', at(1, WRONG['no effect']))
+    one.run(0.2)
+    assert one.loop.supervisor.fault.name == 'wrong_drive'
+    one.drive = lambda tau, g: tau
+    assert one.loop.reset()[0]
+    one.run(1.0)
+    assert np.abs(one.v).max() < 0.01
+    assert one.loop.supervisor.fault_count == 1
+
+
+def test_the_feedback_of_the_first_60_ms_is_bounded():
+    """A disturbed position: the full feedback of 20 mrad would be far above 5 % of the limit."""
+    one = Driven('ur5')
+    one.run(0.002)
+    one.q = one.q + 0.02
+    trace = one.run(0.05)
+    g = np.abs(trace.effort - trace.effort[0])[:, 1]
+    assert 5.0 < np.nanmax(g) <= 7.6
+    assert np.nanmax(np.abs(one.run(0.25).effort[:, 1])) > 0.0
