@@ -81,8 +81,9 @@ def test_a_wrong_drive_ends_the_command_and_is_named(client, scale, word):
         report = diagnostics.wait_for(lambda message: any(
             status.name == '/wrong/dynamics: command' and 'wrong_drive' in status.message
             for status in message.status), LONG)
+        first = states.wait_for(
+            lambda state: np.abs(np.subtract(state.position, START)).max() > 0.1, LONG)
     command = next(s for s in report.status if s.name == '/wrong/dynamics: command')
     assert command.message.startswith("fault wrong_drive: 'joint1': ")
     assert command.message.endswith('waits for ~/reset_fault')
-    first = next(m for m in states.messages if np.abs(np.subtract(m.position, START)).max() > 0.1)
     assert abs(first.velocity[0]) < 3.0

@@ -38,8 +38,8 @@ Values = Mapping[str, Any]
 NODES = ('robot_dynamics.ros.dynamics.parameters', 'robot_dynamics.ros.simulated_arm.node')
 """Modules whose SPECS are those of the nodes, which may share a parameter file."""
 OF_TOOLS = {
-    'mjcf', 'mjcf_joints', 'dynamics', 'residual_bandwidth', 'external_wrench.frame',
-    'external_wrench.largest_force', 'external_wrench.largest_torque'}
+    'mjcf', 'mjcf_joints', 'dynamics', 'residual_bandwidth', 'effort.report_covariance',
+    'external_wrench.frame', 'external_wrench.largest_force', 'external_wrench.largest_torque'}
 """Parameters of `mujoco_arm` and `dynamics_monitor`, which may share the file too."""
 
 
