@@ -61,7 +61,7 @@ A drive with the opposite sign turns feedback into a motor; that of gravity alon
 """
 SOFT_TIME, SOFT_RAMP = 0.06, 0.14
 """[s] of the first command with this feedback, and [s] in which it then grows by the limit."""
-NAMING = 0.3
+NAMING = 1.0
 """[s] after a wrong drive was seen that its name is decided from."""
 
 
@@ -70,6 +70,12 @@ class WrongDrive(NamedTuple):
 
     time: float
     cause: Cause
+
+
+def _at_joints(output: ControlOutput, command: FloatArray) -> FloatArray:
+    """Return the torque (n,) that right drives deliver for a command."""
+    torque = command if output.drive is None else output.drive.torque(command)
+    return np.asarray(torque + output.robot.gravity + output.robot.friction)
 
 
 class DriveCheck:
@@ -137,8 +143,8 @@ class DriveCheck:
             return None
         mean, state = samples.mean_command(time), output.state
         if mean is not None:
-            mean = output.robot.gravity + output.robot.friction + (
-                mean if output.drive is None else output.drive.torque(mean))
+            mean, samples.active = _at_joints(output, mean), _at_joints(
+                output, samples.commands[-1])
         is_new = samples.take(time, state.q, state.v, mean, state.dynamics)
         samples.command(time, effort)
         if not is_new or self.wrong is not None or not self._is_commanded or (

@@ -28,6 +28,7 @@ from robot_dynamics.joints.effort_convention import (
     MOTOR_SIDE,
 )
 from robot_dynamics.joints.friction import FRICTION_FIELDS, make_friction
+from robot_dynamics.joints.parameter_field import per_joint_values
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel, STANDARD_GRAVITY
 from robot_dynamics.model.effort_deviation import make_uncertainty
 from robot_dynamics.urdf.yaml_text import load_yaml
@@ -105,7 +106,11 @@ def arm_from_parameters(
         {field.name: of_joints(f'{group}.{field.name}') for field in of_group}
         for group, of_group in (('friction', FRICTION_FIELDS), ('actuator', fields(Actuators))))
     arm = arm.with_friction(make_friction(names, **friction, default=arm.friction))
-    covariance, limit = _report_covariance(values, whole, names), arm.limits.effort
+    limit = per_joint_values(
+        'effort.limit', of_joints('effort.limit'), names, arm.limits.effort)
+    limit = np.where(limit > 0.0, limit, arm.limits.effort)
+    arm = replace(arm, limits=replace(arm.limits, effort=limit))
+    covariance = _report_covariance(values, whole, names)
     command, report = (
         make_effort_calibration(
             names, of_joints(f'effort.{direction}_scale'), of_joints(f'effort.{direction}_offset'),

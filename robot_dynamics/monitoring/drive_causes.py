@@ -88,6 +88,8 @@ CLIP = 0.1, 0.1
 """Mean and deviation of a clipped torque as a fraction of the effort limit."""
 AGAINST = 3.0
 """Log evidence at a joint against a cause of the whole arm, or for it."""
+CLIP_STEPS = 3
+"""Fits of a gain and of the command at which the drive gives its limit."""
 POOR = 2.0
 """Log evidence per sample below which a cause does not explain it: three times the noise."""
 ALL = -1
@@ -249,6 +251,15 @@ class DriveModel:
         volume = 2.0 * np.log(np.diagonal(C, axis1=1, axis2=2)).sum(axis=1)
         return both[..., :3].swapaxes(0, 1), both[..., 3].T, np.asarray(volume)
 
+    def scaled(self) -> Fits:
+        """Return the fits of a scaled command, whose torque the drive clips to its limit."""
+        u = self.window.commanded
+        fits = self.fit(u, GAINS[SCALE])
+        for _ in range(CLIP_STEPS):
+            at = self.joints.limit / np.maximum(np.abs(fits.gain), 1.0)
+            fits = self.fit(np.clip(u, -at, at), GAINS[SCALE])
+        return fits
+
     def clipped(self) -> Fits:
         """Return the fits of a torque that is clipped; their gain is the clipped torque (n,)."""
         u, limit = self.window.commanded, self.joints.limit
@@ -336,8 +347,8 @@ def compare(
             model.explains_arm(gravity)) else -np.inf)]
     doubt = np.full(len(good.gain), -np.inf)
     for name, fits in (
-            *((name, model.fit(u, gain)) for name, gain in GAINS.items()),
-            (CLIPPED, model.clipped())):
+            *((name, model.fit(u, GAINS[name])) for name in (REVERSED, NO_EFFECT)),
+            (SCALE, model.scaled()), (CLIPPED, model.clipped())):
         more = np.where(model.explains(fits), fits.evidence - good.evidence, -np.inf)
         doubt = np.maximum(doubt, more)
         found += [
@@ -365,7 +376,7 @@ def _in_motion(model: DriveModel, columns: FloatArray) -> tuple[Fits, FloatArray
     doubt = np.maximum(*(model.fit(u, GAINS[name]).evidence for name in (REVERSED, NO_EFFECT)))
     pushed = np.maximum(model.fit(u, right, is_pushed=True).evidence, good.evidence)
     known = max(float(pushed.sum()), model.load(columns))
-    fits = [(d, model.fit(_delayed(window, d), right)) for d in DELAYS]
+    fits = [(d, model.fit(delayed(window.time, u, d), right)) for d in DELAYS]
     late = [
         Cause(DELAYED, ALL, float(one.evidence.sum()) - known - DELAY_MARGIN, d, 0.25 * INTERVAL)
         for d, one in fits if model.explains_arm(one) and _is_common(
@@ -379,7 +390,6 @@ def _is_common(more: FloatArray) -> bool:
     return bool((more > -AGAINST).all() and (more > AGAINST).sum() >= min(3, len(more)))
 
 
-def _delayed(window: DriveWindow, delay: float) -> FloatArray:
-    """Return the command (k, n) a time [s] earlier."""
-    return np.stack([
-        np.interp(window.time - delay, window.time, u) for u in window.commanded.T], axis=1)
+def delayed(time: FloatArray, command: FloatArray, delay: float) -> FloatArray:
+    """Return a command (k, n) at times (k,) [s], a delay [s] earlier."""
+    return np.stack([np.interp(time - delay, time, u) for u in command.T], axis=1)

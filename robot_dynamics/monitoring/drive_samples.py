@@ -30,8 +30,8 @@ Relative errors of mean velocities with which the first and later samples count,
 
 The last one is in [rad/s] or [m/s]. The velocity of the first state is assumed to be 0.
 """
-AT_REST = 0.1
-"""[rad/s] or [m/s]"""
+AT_REST, LATE = 0.1, 0.008
+"""[rad/s] or [m/s], and [s] by which the first command may act late."""
 COUNT = 80
 """Samples in the window, at least 2 s."""
 
@@ -40,15 +40,17 @@ class DriveWindow(NamedTuple):
     """
     The last k samples: end t (k,) [s], and torques (k, n) [N·m] or [N].
 
-    `commanded` u is the mean command, `needed` y, `reported` r the mean report, NaN without one,
-    `gravity` g, `velocity` and `acceleration` the mean ones [rad/s, rad/s²] or [m/s, m/s²],
-    `position` that at the end [rad] or [m], `inertia` the diagonal of M [kg·m²] or [kg].
+    `commanded` u is the mean command, `needed` y, `reported` r the report at the begin of the
+    sample, NaN without one, `in_force` the command at that time, `gravity` g, `velocity` and
+    `acceleration` the mean ones [rad/s, rad/s²] or [m/s, m/s²], `position` that at the end [rad]
+    or [m], `inertia` the diagonal of M [kg·m²] or [kg].
     """
 
     time: FloatArray
     commanded: FloatArray
     needed: FloatArray
     reported: FloatArray
+    in_force: FloatArray
     gravity: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
@@ -77,7 +79,7 @@ class DriveSamples:
     """Takes the states of n joints; for one thread. No sample spans a gap or a restart."""
 
     def __init__(self, n: int) -> None:
-        self._rows = np.full((COUNT, 8, n), np.nan)
+        self._rows = np.full((COUNT, 9, n), np.nan)
         self._times = np.zeros(COUNT)
         self.count = 0
         """Number of samples since the first command."""
@@ -91,10 +93,11 @@ class DriveSamples:
         """From when [s] on they are active."""
         self.last = np.zeros(n), np.zeros(n), np.zeros(n)
         """Commanded and needed torque, and acceleration (n,) of the last sample."""
-        self._report: FloatArray | None = None
+        self._nothing = np.full(n, np.nan)
+        self._report = self._in_force = self.active = self._nothing
+        """`active` is the torque of the command (n,) before the interval, NaN without one."""
         self.wants_report = True
         """Whether this interval needs a report."""
-        self._nothing = np.full(n, np.nan)
         self._first: _Begin | None = None
         self._skips = True
 
@@ -112,8 +115,8 @@ class DriveSamples:
         self.since.clear()
 
     def report(self, torque: FloatArray) -> None:
-        """Take the torque (n,) that the drives report."""
-        self._report = torque
+        """Take the torque (n,) that the drives report at the begin of the interval."""
+        self._report, self._in_force = torque, self.active
 
     def command(self, time: float, effort: FloatArray) -> None:
         """Take an effort (n,) that is commanded from a time [s] on."""
@@ -143,7 +146,7 @@ class DriveSamples:
         if self._skips:
             self._skips = False
             return False
-        first, report = self._first, self._report
+        first, of_report = self._first, (self._report, self._in_force)
         now = self._begin(time, q, v, dynamics)
         if first is None or torque is None or not 0.0 < time - first.time <= 2.0 * LONGEST:
             return False
@@ -155,8 +158,7 @@ class DriveSamples:
         y = (now.momentum - first.momentum) / T + 0.5 * (first.drift + now.drift)
         a = (v - first.v) / T
         self._rows[self.count % COUNT] = (
-            torque, y, self._nothing if report is None else report, now.gravity,
-            mean, a, q, now.inertia)
+            torque, y, *of_report, now.gravity, mean, a, q, now.inertia)
         self.last = torque, y, a
         self._times[self.count % COUNT] = time
         self.count += 1
@@ -168,7 +170,8 @@ class DriveSamples:
         body, viscous = dynamics.rigid_body, dynamics.friction.viscous
         g, C, M = body.gravity(q), body.coriolis_matrix(q, v), body.mass_matrix(q)
         now = _Begin(time, q, v, M @ v, g - v @ C + viscous * v, M.diagonal(), g)
-        self._first, self._report, self.wants_report = now, None, True
+        self._first, self.wants_report = now, True
+        self._report = self._in_force = self._nothing
         self.commands.clear()
         self.since.clear()
         self.due = time - 1e-6 + (
@@ -185,5 +188,6 @@ class DriveSamples:
 def starts_at_rest(window: DriveWindow, start: float) -> bool:
     """Return whether the arm was at rest at the first command, and not moved by hand."""
     passed = np.diff(window.time[:2]).sum() if len(window.time) > 1 else FIRST_INTERVAL
-    v = window.velocity[0] - window.acceleration[0] * (window.time[0] - 0.5 * passed - start)
-    return bool((np.abs(v) < AT_REST).all())
+    a = window.acceleration[0]
+    v = window.velocity[0] - a * (window.time[0] - 0.5 * passed - start)
+    return bool((np.abs(v) < AT_REST + LATE * np.abs(a)).all())

@@ -19,6 +19,8 @@ from robot_dynamics.monitoring.drive_causes import (
     CLIPPED,
     Comparison,
     DELAYED,
+    delayed,
+    DELAYS,
     GRAVITY,
     Joints,
     NO_EFFECT,
@@ -39,6 +41,10 @@ LEAST_REST = 12
 """Samples of a rest."""
 REPORT_ERROR, REPORT_SPREAD = 0.15, 0.1
 """Error of the scale of a report that is named, and largest residual of its fit."""
+LEAST_REPORT = 0.02
+"""Least command, as a fraction of the effort limit, whose report is compared with it."""
+LATE_REPORT = 0.5
+"""Largest residual of a late report by that of one in time."""
 COARSE_STEP = 0.02
 """Least step of a report, as a fraction of the effort limit, that is named."""
 LEAST_LEVELS = 4
@@ -163,22 +169,36 @@ def resting_verdicts(
     return {j: Verdict(GRAVITY, sentence) for j in range(len(g))}
 
 
+def _report_delay(t: FloatArray, u: FloatArray, r: FloatArray) -> float:
+    """Return by how much [s] reports r (k,) follow commands u (k,) late, out of DELAYS, or 0."""
+    left = {}
+    for d in (0.0, *DELAYS):
+        late = delayed(t, u[:, np.newaxis], d)[:, 0]
+        left[d] = float(np.linalg.norm(r - (late @ r) / (late @ late) * late))
+    best = min(left, key=lambda d: left[d])
+    return best if left[best] < LATE_REPORT * left[0.0] else 0.0
+
+
 def report_verdicts(
     window: DriveWindow, joints: Joints, agrees: BoolArray,
 ) -> dict[int, Verdict]:
     """Return the verdicts of joints whose report differs from a command that is understood."""
     verdicts = {}
     for j in range(len(agrees)):
-        u, r = window.commanded[:, j], window.reported[:, j]
-        used = np.isfinite(r) & (np.abs(u) > joints.visible[j])
+        u, r = window.in_force[:, j], window.reported[:, j]
+        used = np.isfinite(r + u) & (np.abs(u) > LEAST_REPORT * joints.limit[j])
         if used.sum() < LEAST_REST:
             continue
-        u, r = u[used], r[used]
+        t, u, r = window.time[used], u[used], r[used]
         ratio, step = float(r @ u / (u @ u)), _step(r)
+        delay = _report_delay(t, u, r) if u.std() > LEAST_REPORT * joints.limit[j] else 0.0
         left = float(np.linalg.norm(r - ratio * u) / np.linalg.norm(u))
         if step > COARSE_STEP * joints.limit[j]:
             verdicts[j] = Verdict(f'{COARSE} {round(step, 2)}', (
                 f'the drive reports steps of {step:.2g}: use a unit of torque that it resolves'))
+        elif delay > 0.0:
+            verdicts[j] = Verdict(f'{DELAYED} {delay:.3f}', (
+                f'the report follows the command {delay:.3f} s late: {_REMEDIES[DELAYED]}'))
         elif abs(ratio - 1.0) > REPORT_ERROR and left < REPORT_SPREAD * max(abs(ratio), 0.2):
             verdicts.update(_scaled(j, ratio, agrees[j]))
     return verdicts

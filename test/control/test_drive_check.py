@@ -168,7 +168,7 @@ def test_the_scale_of_a_report_is_named_once_the_motion_confirms_the_command():
     one.go(0.5)
     one.run(1.2)
     verdict = one.loop.drives.verdicts()[1]
-    assert verdict.verdict == 'report scale 2.0'
+    assert is_about(verdict.verdict, 'report scale 2.0')
     assert 'set effort.report_scale to 0.' in verdict.sentence
 
 

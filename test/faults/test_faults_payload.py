@@ -95,11 +95,11 @@ def test_an_invalid_payload(bench, request_, reported):
 @contextmanager
 def permitted(bench: FaultBench) -> Iterator[None]:
     """Let the node accept any physical payload."""
-    bench.set_parameters(allow_implausible_payload=True)
+    bench.set_parameters(ignore_checks=['payload'])
     try:
         yield
     finally:
-        bench.set_parameters(allow_implausible_payload=False)
+        bench.set_parameters(ignore_checks=['density'])
 
 
 def wait_payloads(bench: FaultBench, words: str) -> DiagnosticStatus:
@@ -107,7 +107,7 @@ def wait_payloads(bench: FaultBench, words: str) -> DiagnosticStatus:
     return bench.wait_status('payload', lambda status: status.message == words)
 
 
-@fault(GROUP, '100 kg at the tip with `allow_implausible_payload: true`',
+@fault(GROUP, '100 kg at the tip with `ignore_checks: [payload]`',
        'accepted; the command changes to the effort limits within the rate limit')
 def test_an_implausible_payload_that_is_permitted(bench):
     with permitted(bench):

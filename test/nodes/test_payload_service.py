@@ -87,7 +87,7 @@ def test_payloads_of_the_parameters_are_in_force_after_the_start(client):
                 payload=payload_to_ros(payload)))
             assert not refused.success
             assert words in refused.message
-        client.set_parameters(arm_node, {'allow_implausible_payload': True})
+        client.set_parameters(arm_node, {'ignore_checks': ['payload']})
         warning, = set_payload(client, arm_node, heavy).warnings
         assert warning.startswith("payload.inertia.m is 500 kg on 'tool0'")
 

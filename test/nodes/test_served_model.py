@@ -190,7 +190,7 @@ def test_each_answer_is_of_one_model(client, count):
         node = process.dynamics(
             robot_description=planar_arm_urdf(
                 [5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], effort_limits=100.0),
-            command='gravity_compensation', allow_implausible_payload=True,
+            command='gravity_compensation', ignore_checks=['payload'],
             effort_rate_limit=1e9, **UNHURRIED)
         node._use_model(models[1], False)
         name = node.get_fully_qualified_name()

@@ -24,7 +24,11 @@ from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
-from robot_dynamics.ros.dynamics.command_status import command_verdict, CommandCounters
+from robot_dynamics.ros.dynamics.command_status import (
+    command_obstacle,
+    command_verdict,
+    CommandCounters,
+)
 from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
 from robot_dynamics.ros.dynamics.served import Served
 from robot_dynamics.ros.middleware.diagnostics import Status
@@ -291,6 +295,8 @@ class CommandOutput:
                 loop.supervisor.mode, loop.supervisor.standing_fault)
             is_off = self.is_active and loop is not None and (
                 loop.controller.options.command == NO_COMMAND)
+            obstacle = '' if self.served is None else command_obstacle(
+                self.served.arm, self.served.values['command'])
             return Status(
-                'command', *command_verdict(self.counters, mode, fault, is_off),
+                'command', *command_verdict(self.counters, mode, fault, is_off, obstacle),
                 self.counters.figures)

@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 import math
 import time
 
+from robot_dynamics.control.laws.law_table import NO_COMMAND
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, WARN
 
 TELL_FOR = 1.0
@@ -49,16 +51,29 @@ def active_words(command: str, states: str, node: str) -> str:
             f'on {states}.')
 
 
+def command_obstacle(arm: ArmModel, command: str) -> str:
+    """Return why an arm is not commanded although `command` is not none, empty if it is."""
+    unlimited = [
+        name for name, limit in zip(arm.joint_names, arm.limits.effort) if math.isinf(limit)]
+    if command == NO_COMMAND or not unlimited:
+        return ''
+    return (f'nothing is commanded: {unlimited} have no effort limit, or 0, in robot_description, '
+            'expected one there or in the parameter effort.limit')
+
+
 def command_verdict(
     counters: CommandCounters, mode: Mode | None, fault: Fault | None, is_off: bool,
+    obstacle: str = '',
 ) -> tuple[bytes, str]:
     """
     Return level and message of the command for the diagnostics.
 
     `mode` and `fault` are the mode and the standing fault of the supervisor; without a model,
     `mode` is None and `fault` the latched one. `is_off` is whether the node is active and its
-    parameter command is 'none'.
+    parameter command is 'none', `obstacle` why nothing is commanded although it is not.
     """
+    if obstacle:
+        return ERROR, obstacle
     if fault is not None:
         return ERROR, str(fault)
     if mode is None:

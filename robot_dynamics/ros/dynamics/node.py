@@ -15,7 +15,7 @@ from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.ros.dynamics.base_gravity import BaseGravity, GRAVITY_RATE
-from robot_dynamics.ros.dynamics.command_status import active_words
+from robot_dynamics.ros.dynamics.command_status import active_words, command_obstacle
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.drive_status import DriveStatus
 from robot_dynamics.ros.dynamics.external_effort_fault import ExternalEffortFault
@@ -230,6 +230,9 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                 loop, values, drives, external, FeedForward(loop), messages))
         self._payloads.publish()
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
+        obstacle = command_obstacle(arm, values['command'])
+        if obstacle:
+            self.get_logger().error(f'Command: {obstacle}')
         for name, position in arm.locked_joints.items():
             self.get_logger().info(f'Joint {name!r} is locked at {position:g}')
 

@@ -14,7 +14,7 @@ from robot_dynamics.control.laws.error_feedback import (
     make_gains,
     per_joint,
 )
-from robot_dynamics.control.laws.law_table import all_laws, command_modes, declared
+from robot_dynamics.control.laws.law_table import all_laws, command_modes, declared, NO_COMMAND
 from robot_dynamics.control.options import (
     ControllerOptions,
     default_effort_rates,
@@ -29,8 +29,8 @@ from robot_dynamics.control.trajectory_goal import (
 from robot_dynamics.joints.effort_convention import ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import check_order_is_given, convention_from_parameters
-from robot_dynamics.model_check.finding import CHECKS
 from robot_dynamics.ros.dynamics.base_gravity import IMU_SPEC
+from robot_dynamics.ros.dynamics.command_status import command_obstacle
 from robot_dynamics.ros.dynamics.external_effort_fault import (
     contact_levels,
     CONTACT_SPECS,
@@ -118,9 +118,6 @@ SPECS = (
     *robot_description.DRIVE_SPECS,
     robot_description.DRIVE_STIFFNESS_SPEC,
     *robot_description.UNCERTAINTY_SPECS,
-    texts('ignore_checks', (
-        'Names of model checks whose errors are logged as warnings instead of rejecting the '
-        'model.'), choices=tuple(CHECKS), read_only=True),
     *PAYLOAD_SPECS,
     text('command', 'computed_torque', (
         'Control law whose efforts effort_command contains; none publishes no command. '
@@ -169,8 +166,9 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     contact_levels(values, arm)
     goal_tolerances(values, arm)
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
+    command = values['command'] if not command_obstacle(arm, values['command']) else NO_COMMAND
     options = ControllerOptions(
-        gains, values['command'], values['effort_limit_fraction'], values['friction_compensation'],
+        gains, command, values['effort_limit_fraction'], values['friction_compensation'],
         torque_rates(values, arm), convention_from_parameters(values), True, True,
         values['infeasible_trajectory'] != 'reject', True,
         optional_values('following_error_limit', values, arm), values['reference_timeout'],

@@ -12,17 +12,20 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import make_payload, Payload, with_payload_on
 from robot_dynamics.model.payload_check import check_held_at, check_payloads
+from robot_dynamics.model_check.finding import CHECKS
 from robot_dynamics.ros.middleware.conversions import payload_from_ros
-from robot_dynamics.ros.parameters.declared_parameters import flag, numbers, texts, Values
+from robot_dynamics.ros.parameters.declared_parameters import numbers, texts, Values
 from robot_dynamics.validation import LARGEST_VALUE
 
-ALLOWED = 'allow_implausible_payload'
+IGNORED = 'payload'
+"""The check of payloads in `ignore_checks`."""
 PAYLOAD_SPECS = (
-    flag(ALLOWED, False, (
-        'Accept payloads that are rejected by default: those whose weight exceeds the effort '
-        'limits in more than 99 % of the poses of the arm, or in its present configuration, and '
-        'those whose centre of mass is farther from the origin of their link than 2 times the '
-        'reach of the arm.')),
+    texts('ignore_checks', (
+        'Names of model checks whose errors are logged as warnings instead of rejecting the '
+        'model. payload accepts payloads whose weight exceeds the effort limits in more than 99 % '
+        'of the poses of the arm, or in its present configuration, and those whose centre of mass '
+        'is farther from the origin of their link than 2 times the reach of the arm.'),
+        choices=(*CHECKS, IGNORED)),
     texts('payload.links', (
         'Links with a payload at the start, each once. ~/set_payload changes payloads until the '
         'node ends.'), read_only=True),
@@ -35,7 +38,7 @@ PAYLOAD_SPECS = (
         'Inertia [kg·m²] of each payload about its centre of mass: xx, xy, xz, yy, yz, zz. If '
         'empty, 0.'), read_only=True),
 )
-_REMEDY = ' (allow_implausible_payload: true accepts it)'
+_REMEDY = ' (ignore_checks: [payload] accepts it)'
 
 
 def changed_payloads(
@@ -53,7 +56,7 @@ def changed_payloads(
     changed = with_payload_on(payloads, message.header.frame_id, payload)
     if payload is not None:
         check_all(arm, changed, values)
-        if q is not None and not values[ALLOWED]:
+        if q is not None and IGNORED not in values['ignore_checks']:
             check_held_at(arm, changed, q, _REMEDY)
     return changed
 
@@ -78,8 +81,8 @@ def payloads_at_start(values: Values) -> tuple[Payload, ...]:
 
 
 def payload_warnings(arm: ArmModel, payloads: Sequence[Payload], values: Values) -> list[str]:
-    """Return why these payloads are implausible, if `allow_implausible_payload` permits them."""
-    if not values[ALLOWED]:
+    """Return why these payloads are implausible, if `ignore_checks` permits them."""
+    if IGNORED not in values['ignore_checks']:
         return []
     try:
         check_payloads(arm, payloads)
@@ -90,7 +93,7 @@ def payload_warnings(arm: ArmModel, payloads: Sequence[Payload], values: Values)
 
 def check_all(arm: ArmModel, payloads: Sequence[Payload], values: Values) -> None:
     """Raise InvalidInputError for an unknown link, or for an implausible payload."""
-    if not values[ALLOWED]:
+    if IGNORED not in values['ignore_checks']:
         check_payloads(arm, tuple(payloads), _REMEDY)
     for payload in payloads:
         arm.link_frame(payload.link, 'payload.header.frame_id')

@@ -133,6 +133,10 @@ UNCERTAINTY_SPECS = (
 _BOUND = (
     f'; its magnitude is {LEAST_SCALE:g} to {LARGEST_SCALE:g}, and negative for an opposite sign')
 DRIVE_SPECS = (
+    numbers_per_joint('effort.limit', 0.0, LARGEST_VALUE, (
+        'Effort limit [N·m] or [N] of the drives, in place of that of the URDF'), (
+        '. If empty, that of the URDF. An arm with a joint that has no limit is not commanded.'),
+        read_only=True),
     numbers_per_joint('effort.command_scale', -LARGEST_SCALE, LARGEST_SCALE, (
         'Torque at the joint per unit of commanded effort' + _BOUND), (
         '. If empty, 1. dynamics converts the command with it; simulated_arm has such drives.'),
