@@ -95,6 +95,15 @@ def test_a_wrong_drive_is_named_at_its_joint_only(name, word, rate):
     assert set(words) <= {'agrees', 'not observable yet'}
 
 
+def test_a_scaled_command_that_its_drive_clips_to_its_limit_is_a_scale():
+    one = Driven('ur5', at(1, lambda tau: float(np.clip(4.0 * tau, -150.0, 150.0))))
+    one.delay = 4
+    one.run(0.4)
+    verdict = one.words()[1]
+    assert verdict.startswith('command scale ')
+    assert 2.5 < float(verdict.split()[-1]) < 4.6
+
+
 @pytest.mark.parametrize('name', ['ur5', 'panda'])
 @pytest.mark.parametrize(('word', 'drive'), [
     ('adds gravity', lambda tau, g: tau + g), ('no effect', lambda tau, g: 0.0 * tau)])
@@ -178,6 +187,17 @@ def test_a_report_in_steps_is_coarse():
     one.go(0.5)
     one.run(1.0)
     assert one.words()[1] == 'coarse 8.0'
+
+
+@pytest.mark.parametrize(('delay', 'word'), [(10, 'agrees'), (40, 'delayed by 0.040')])
+def test_a_late_report_shows_the_delay_of_the_command(delay, word):
+    one = Driven('panda', report=lambda tau, g: tau)
+    one.delay = delay
+    one.run(0.5)
+    one.go(0.5)
+    one.run(1.0)
+    assert word in one.words()
+    assert set(one.words()) <= {word, 'agrees', 'not observable yet'}
 
 
 def test_a_robot_that_holds_itself_is_seen_without_a_command():
