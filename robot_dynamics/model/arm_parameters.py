@@ -14,7 +14,6 @@ from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
-import warnings
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -25,7 +24,6 @@ from robot_dynamics.joints.effort_calibration import drive_quantities, make_effo
 from robot_dynamics.joints.effort_convention import (
     EffortConvention,
     make_effort_convention,
-    MOTOR_SIDE,
 )
 from robot_dynamics.joints.friction import FRICTION_FIELDS, make_friction
 from robot_dynamics.joints.parameter_field import per_joint_values
@@ -35,15 +33,6 @@ from robot_dynamics.urdf.yaml_text import load_yaml
 from robot_dynamics.validation import check_vector, covariance_root, LARGEST_VALUE
 
 NODE = 'dynamics'
-FORMER_NAMES = {
-    'effort_scale': 'effort_limit_fraction',
-    'friction.effort_offset': 'friction.effort_bias',
-    'friction.load': 'friction.load_coefficient',
-    'uncertainty.effort_noise': 'uncertainty.noise_deviation',
-}
-"""Former names of parameters, which are still accepted, and the names that replace them."""
-
-
 def read_parameter_file(path: Path, node: str = NODE) -> dict[str, Any]:
     """
     Return the parameters of a node in a file, by their full names.
@@ -67,15 +56,7 @@ def read_parameter_file(path: Path, node: str = NODE) -> dict[str, Any]:
         raise InvalidInputError(
             f'parameter file {str(path)!r} has no parameters for the node {node!r}, expected '
             f"'{node}:' or '/**:' with ros__parameters; it has {list(sections)}")
-    for former in FORMER_NAMES.keys() & values.keys():
-        warnings.warn(f'parameter file {str(path)!r}: {former_name(former)}', stacklevel=2)
-        values.setdefault(FORMER_NAMES[former], values.pop(former))
     return values
-
-
-def former_name(name: str) -> str:
-    """Return the warning of a former name of a parameter."""
-    return f'parameter {name!r} is now {FORMER_NAMES[name]!r}; the next version ignores {name!r}'
 
 
 def _flat(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
@@ -119,39 +100,18 @@ def arm_from_parameters(
     arm = replace(arm.with_drive(command), report=report)
     if set(names) == set(whole.joint_names):
         arm = replace(arm, uncertainty=make_uncertainty(
-            arm, [_current(name) for name in values.get('uncertainty.parameters', ())],
+            arm, values.get('uncertainty.parameters', ()),
             values.get('uncertainty.covariance', ()), of_joints('uncertainty.noise_deviation'),
             values.get('uncertainty.noise_bandwidth', 0.0),
             of_joints('uncertainty.friction_deviation'),
             of_joints('uncertainty.friction_velocity'),
             of_joints('uncertainty.largest_velocity')))
     reflected = of_joints('actuator.reflected_inertia')
-    if _has_no_motor_data(motors, values):
-        motors, reflected = {}, motors['rotor_inertia']
     if not any(len(value) for value in motors.values()):
         return arm.with_reflected_inertia(reflected) if len(reflected) else arm
     if len(motors['torque_constant']) and not len(motors['gear_ratio']):
         motors['gear_ratio'] = _described_gear_ratios(arm)
     return arm.with_actuators(make_actuators(names, **motors, reflected_inertia=reflected))
-
-
-def _current(quantity: str) -> str:
-    """Return a quantity, such as effort_bias(JOINT), whose file may have a former name."""
-    name, bracket, joint = quantity.partition('(')
-    current = FORMER_NAMES.get(f'friction.{name}', name).removeprefix('friction.')
-    return f'{current}{bracket}{joint}'
-
-
-def _has_no_motor_data(motors: Mapping[str, Sequence[float]], values: Mapping[str, Any]) -> bool:
-    """
-    Return whether K_t = 1 and N = 1 only carry a rotor inertia.
-
-    `identify` wrote an arm without motor data so, before `actuator.reflected_inertia` existed.
-    """
-    given = {name: list(value) for name, value in motors.items() if len(value)}
-    return given.keys() == {'torque_constant', 'gear_ratio', 'rotor_inertia'} and (
-        given['torque_constant'] == given['gear_ratio'] == [1.0]) and (
-        values.get('measured_effort') not in MOTOR_SIDE)
 
 
 def _of_joints(

@@ -15,7 +15,6 @@ from pathlib import Path
 import sys
 import textwrap
 from typing import Any, TYPE_CHECKING
-import warnings
 
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.tools import command_line
@@ -198,14 +197,7 @@ def read_settings(arguments: argparse.Namespace) -> 'AnalysisSettings':
 def read_parameters(path: Path | None) -> Mapping[str, Any]:
     """Return the parameters in a file, if there is one; raise InvalidInputError."""
     from robot_dynamics.model.arm_parameters import read_parameter_file
-    if path is None:
-        return {}
-    with warnings.catch_warnings(record=True) as former:
-        warnings.simplefilter('always')
-        parameters = read_parameter_file(path)
-    for warning in former:
-        print(f'Warning: {warning.message}', file=sys.stderr)
-    return parameters
+    return {} if path is None else read_parameter_file(path)
 
 
 def read_robot(text: str | None, option: str = '--urdf') -> str:

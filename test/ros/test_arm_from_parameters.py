@@ -109,20 +109,6 @@ def test_a_reflected_inertia_needs_no_motor(tmp_path):
         assert part.reflected_inertia.tolist() == [0.1]
 
 
-def test_an_older_file_of_identify_has_a_rotor_without_motor_data(tmp_path):
-    """K_t = 1 and N = 1 have no meaning then, but for a measured current they have."""
-    motor = {'torque_constant': [1.0], 'gear_ratio': [1.0], 'rotor_inertia': [0.2, 0.1]}
-    parameters = {'joints': ['joint1', 'joint2'], 'actuator': motor}
-    for values in both_values(tmp_path, parameters):
-        arm = arm_from_parameters(default_arm_urdf(), values)
-        assert arm.actuators is None
-        assert arm.reflected_inertia.tolist() == [0.2, 0.1]
-    for changes in ({'measured_effort': 'motor_current'},
-                    {'actuator': {**motor, 'resistance': [0.5]}},
-                    {'actuator': {**motor, 'gear_ratio': [2.0]}}):
-        for values in both_values(tmp_path, {**parameters, **changes}):
-            assert arm_from_parameters(default_arm_urdf(), values).actuators is not None
-
 
 def test_a_tool_and_a_node_read_the_same_numbers(tmp_path):
     path = tmp_path / 'dynamics.yaml'

@@ -9,9 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
-from robot_dynamics.model.effort_deviation import uncertain_names
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.parameters.declared_parameters import Type
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
@@ -19,20 +16,9 @@ from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-import yaml
 
 NODE, ARM_NODE = '/parameters/dynamics', '/parameters/simulated_arm'
 NAMES = ['joint1', 'joint2']
-FORMER = {
-    'joints': NAMES, 'effort_scale': 0.5, 'friction.load': [0.1],
-    'friction.effort_offset': [0.2, 0.3],
-    'uncertainty.parameters': ['effort_offset(joint2)'], 'uncertainty.covariance': [0.04],
-    'uncertainty.effort_noise': [0.5], 'uncertainty.noise_bandwidth': 10.0}
-"""Parameters of an earlier version."""
-NEW_NAMES = {
-    'effort_scale': 'effort_limit_fraction', 'friction.load': 'friction.load_coefficient',
-    'friction.effort_offset': 'friction.effort_bias',
-    'uncertainty.effort_noise': 'uncertainty.noise_deviation'}
 SPECS = {NODE: DYNAMICS_SPECS, ARM_NODE: SIMULATED_ARM_SPECS}
 STATED = {
     NODE: {
@@ -56,29 +42,6 @@ def nodes(client: RosClient) -> Iterator[None]:
             NodeProcess(SIMULATED_ARM, namespace='/parameters',
                         remaps={'joint_states': 'arm_states', 'effort_command': 'arm_effort'})):
         yield
-
-
-# --- former names ----------------------------------------------------------------------------
-
-def test_parameters_by_their_former_names(client, tmp_path):
-    file = tmp_path / 'former.yaml'
-    file.write_text(yaml.safe_dump({'/**': {'ros__parameters': FORMER}}), encoding='utf-8')
-    with pytest.warns(UserWarning, match='^parameter file') as warned:
-        expected = read_parameter_file(file)
-    assert len(warned) == 4
-    assert any("'effort_scale' is now 'effort_limit_fraction'" in str(each.message)
-               for each in warned)
-    assert not NEW_NAMES.keys() & expected.keys()
-    arm = arm_from_parameters(default_arm_urdf(), expected)
-    assert [uncertain_names(arm)[k] for k in arm.uncertainty.columns] == ['effort_bias(joint2)']
-    node = '/former/dynamics'
-    with NodeProcess(DYNAMICS, FORMER, namespace='/former') as process:
-        for former, name in NEW_NAMES.items():
-            process.wait_for_log(f"parameter '{former}' is now '{name}'")
-            value = client.get_parameter(node, name)
-            assert (value if isinstance(value, (bool, float)) else list(value)) == expected[name]
-        client.set_parameters(node, {'effort_scale': 0.25})
-        assert client.get_parameter(node, 'effort_limit_fraction') == 0.25
 
 
 # --- descriptions --------------------------------------------------------------------------------

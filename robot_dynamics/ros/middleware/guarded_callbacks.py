@@ -23,7 +23,6 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError, shortened
-from robot_dynamics.model.arm_parameters import FORMER_NAMES
 from robot_dynamics.ros.middleware.answer_delivery import ExecutorDelivery
 from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.message_bytes import LARGEST_MESSAGE, read_message
@@ -153,7 +152,7 @@ class GuardedCallbacks(Node):
             SetParametersResult):
         """Set all of these parameters or none; the reason of a rejection names the parameter."""
         for parameter in parameter_list:
-            if not self.has_parameter(FORMER_NAMES.get(parameter.name, parameter.name)):
+            if not self.has_parameter(parameter.name):
                 error = InvalidInputError(
                     f'there is no parameter {parameter.name!r}, expected one of those that '
                     '~/list_parameters names')

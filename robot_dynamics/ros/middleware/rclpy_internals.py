@@ -17,7 +17,6 @@ from typing import Any
 from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.service import Service
@@ -260,17 +259,3 @@ def parameter_overrides(node: Node) -> Sequence[str]:
     declared. Fallback: no names, so that the log has no warning of an unknown name.
     """
     return list(getattr(node, PARAMETER_OVERRIDES, ()))
-
-
-def rename_parameter_override(node: Node, former: str, name: str) -> bool:
-    """
-    Return whether a parameter is set at the start by a former name, and set it by its name.
-
-    A value that is set by both names is that of `name`. Fallback: no parameter is renamed.
-    """
-    overrides = getattr(node, PARAMETER_OVERRIDES, {})
-    if former not in overrides:
-        return False
-    given = overrides.pop(former)
-    overrides.setdefault(name, Parameter(name, given.type_, given.value))
-    return True

@@ -25,10 +25,8 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
-from robot_dynamics.model.arm_parameters import former_name, FORMER_NAMES
 from robot_dynamics.ros.middleware.rclpy_internals import (
     parameter_overrides,
-    rename_parameter_override,
 )
 from robot_dynamics.validation import check_choice, check_scalar
 
@@ -157,16 +155,10 @@ class DeclaredParameters:
         self._check, self._apply = check, apply
         self.values: dict[str, Any] = {}
         """All values by name; arrays as tuples."""
-        self._former = {former: name for former, name in FORMER_NAMES.items()
-                        if name in self._specs}
-        for former, name in self._former.items():
-            if rename_parameter_override(node, former, name):
-                node.get_logger().warning(former_name(former))
         for spec in specs:
             self.values[spec.name] = self._declare(spec)
         self._check_names()
         self._check(self.values)
-        node.add_pre_set_parameters_callback(self._renamed)
         node.add_on_set_parameters_callback(self._judge)
         node.add_post_set_parameters_callback(self._take_over)
 
@@ -203,15 +195,6 @@ class DeclaredParameters:
                     f'unknown parameter {name!r}'
                     f'{f", probably {close[0]!r}" if close else ""}; expected parameters of '
                     f'{node.get_name()}, and those of other nodes in a section with their name')
-
-    def _renamed(self, parameters: list[Parameter]) -> list[Parameter]:
-        """Return the parameters with their current names."""
-        for parameter in parameters:
-            if parameter.name in self._former:
-                self._node.get_logger().warning(former_name(parameter.name))
-        return [
-            Parameter(self._former.get(one.name, one.name), one.type_, one.value)
-            for one in parameters]
 
     def _judge(self, parameters: list[Parameter]) -> SetParametersResult:
         try:

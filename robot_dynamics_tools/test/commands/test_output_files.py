@@ -12,7 +12,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.tools import planar_urdf
 from robot_dynamics_tools.commands import animate, excite, export_mjcf, torque_map
-from robot_dynamics_tools.options import prepare_directory, read_parameters
+from robot_dynamics_tools.options import prepare_directory
 
 QUICK: dict[str, tuple[Callable[[Sequence[str]], int], str, list[str]]] = {
     'animate': (animate.main, 'out/planar_arm.gif', ['--duration', '1', '--rate', '1']),
@@ -83,11 +83,3 @@ def test_a_directory_is_used_again_by_the_same_command(tmp_path):
     (tmp_path / 'page.html').touch()  # in a directory that no command has made
     with pytest.raises(InvalidInputError, match='is not of the same command'):
         prepare_directory(tmp_path, [tmp_path / 'page.html'], arguments_of(tmp_path))
-
-
-def test_former_names_of_parameters_are_warnings(tmp_path, capsys):
-    file = tmp_path / 'former.yaml'
-    file.write_text('/**: {ros__parameters: {effort_scale: 0.5}}\n', encoding='utf-8')
-    assert read_parameters(file) == {'effort_limit_fraction': 0.5}
-    line, = capsys.readouterr().err.splitlines()
-    assert line.startswith('Warning: parameter file')
