@@ -2,14 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Real nodes in lock-step: an arm whose drives have a scale and an offset."""
 
-from bounded_waits import has_stamp
+from bounded_waits import has_stamp, wait_until
 from closed_loop import closed_loop, collecting, NAMES, send, START
+from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 import pytest
 from robot_dynamics.model import arm_from_parameters, ArmDynamics, load_arm
-from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.ros.dynamics.parameters import effort_rates, torque_rates
-from ros_harness import LONG
+from ros_harness import DYNAMICS, LONG, NodeProcess, UNHURRIED
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 GOAL = [0.2, 1.0]
@@ -41,6 +43,32 @@ def test_known_drives_hold_and_move_the_arm_with_efforts_of_the_driver(client):
     assert torque.effort == pytest.approx(G)  # a torque at the joints
     assert {tuple(m.data) for m in bare.messages if any(m.data)} & {
         tuple(m.effort) for m in sent}
+
+
+@pytest.mark.parametrize(('limit', 'first'), [([], None), ([50.0, 20.0], [-50.0, -11.772])])
+def test_an_arm_without_effort_limits_is_commanded_once_a_parameter_gives_them(
+        client, limit, first):
+    urdf = planar_arm_urdf(
+        [5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], effort_limits=7.0).replace('"7.0"', '"0"')
+    parameters = {'robot_description': urdf, 'joints': NAMES, 'effort.limit': limit}
+    state = JointState(name=NAMES, position=[np.pi / 2, 0.0], velocity=[0.0, 0.0])
+
+    def is_told() -> bool:
+        state.header.stamp = client.node.get_clock().now().to_msg()
+        states.publish(state)
+        return bool(commands.messages) if limit else any(
+            'nothing is commanded' in status.message for report in diagnostics.messages
+            for status in report.status if status.name == '/unlimited/dynamics: command')
+
+    with client.collect(JointState, '/unlimited/effort_command') as commands, \
+            client.collect(DiagnosticArray, '/diagnostics') as diagnostics, \
+            NodeProcess(DYNAMICS, {**UNHURRIED, **parameters}, namespace='/unlimited') as node:
+        states = client.publisher(JointState, '/unlimited/joint_states', 1)
+        wait_until(is_told, 'a command, or why there is none')
+        if not limit:
+            node.wait_for_log(r"nothing is commanded: \['joint1', 'joint2'\] have no effort limit")
+    assert not commands.messages if first is None else (
+        list(commands.messages[0].effort) == pytest.approx(first))
 
 
 @pytest.mark.parametrize(('rate', 'driver'), [(0.0, [1500.0, 600.0]), (40.0, [40.0, 40.0])])
