@@ -149,9 +149,8 @@ def _files_of(bag: Path) -> list[Path]:
     if bag.is_file():
         return [bag]
     files = [file for group in storage_groups(bag) for file in group]
-    journals = [file for file in bag.iterdir() if file.name.endswith(('-wal', '-journal'))]
-    metadata = bag / METADATA
-    return [*files, *sorted(journals), *([metadata] if metadata.is_file() else [])]
+    return files + sorted(
+        file for file in bag.iterdir() if file.name.endswith(('-wal', '-journal', METADATA)))
 
 
 @lru_cache

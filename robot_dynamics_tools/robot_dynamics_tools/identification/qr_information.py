@@ -62,10 +62,6 @@ class QrInformation:
         return tuple(i for i in range(BLOCKS) if self.rows[2 * i] > 0.0)
 
     @property
-    def sample_count(self) -> int:
-        return int(self.rows.sum())
-
-    @property
     def samples_per_independent_sample(self) -> FloatArray:
         """The number of samples that count as one independent sample, (n,)."""
         return np.asarray(self.correlation / max(float(self.rows.sum()), 1.0))
