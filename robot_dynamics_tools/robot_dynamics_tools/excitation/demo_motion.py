@@ -136,8 +136,7 @@ def motion_along(arm: ArmModel, trajectory: JointTrajectory) -> ReferenceMotion:
 def sample_trajectory(trajectory: JointTrajectory, times: FloatArray) -> Reference:
     """Return position, velocity and acceleration, each (samples, n), at `times` [s] from 0."""
     first = trajectory.points[0].position
-    rest = Reference(first, np.zeros_like(first), np.zeros_like(first))
-    active = ActiveTrajectory(trajectory, 0, 0, rest)
+    active = ActiveTrajectory(trajectory, 0, 0, Reference(first, *np.zeros((2, len(first)))))
     samples = [active.sample(round(1e9 * t)) for t in times.tolist()]
     return Reference(*(np.array(rows) for rows in zip(*samples)))
 

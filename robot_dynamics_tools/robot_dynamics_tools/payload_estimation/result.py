@@ -6,6 +6,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
@@ -116,15 +117,8 @@ class PayloadEstimate:
             raise InvalidInputError('the estimate is implausible: ' + '; '.join(self.implausible))
         inertia = None
         if self.has_inertia and is_consistent(self.values):
-            inertia = tensor(self.values) - self.mass * (
-                self.com @ self.com * np.eye(3) - np.outer(self.com, self.com))
+            inertia = np.array(pin.Inertia.FromDynamicParameters(self.values).inertia)
         return make_payload(self.link, self.mass, self.com, inertia)
-
-
-def tensor(values: FloatArray) -> FloatArray:
-    """Return the inertia tensor (3, 3) of π (10,), about the origin of the link."""
-    xx, xy, yy, xz, yz, zz = values[4:]
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def make_result(
