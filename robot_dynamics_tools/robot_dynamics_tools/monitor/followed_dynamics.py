@@ -130,8 +130,7 @@ class FollowedDynamics:
         self._obstacle = (
             f'{self.name} has no parameters {missing}, expected a node dynamics of the version '
             'of this node') if missing else ''
-        if not missing:
-            self._has_values = True
+        self._has_values = self._has_values or not missing
         if not missing and self._description:
             self._take_model(self._description, {
                 name: value if isinstance(value, (bool, int, float, str)) else tuple(value)

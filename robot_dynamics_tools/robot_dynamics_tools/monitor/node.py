@@ -14,9 +14,7 @@ import threading
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware.cdr_templates import SensedState
 from robot_dynamics.ros.middleware.diagnostics import publish_diagnostics, Status
-from robot_dynamics.ros.middleware.guarded_callbacks import (
-    GuardedCallbacks,
-)
+from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 from robot_dynamics.ros.middleware.joint_state_loop import JointStateLoop
 from robot_dynamics.ros.middleware.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.middleware.shutdown import leave
