@@ -269,9 +269,10 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
 
 def answer_pose(client: DynamicsClient, arguments: Namespace) -> Answer:
     """Move the frame of the node to a pose, and return the position that the joints reached."""
+    from robot_dynamics.urdf.parser import parse_urdf
     names, kinds = client.joint_names(), client.joint_kinds()
     message = PoseStamped()
-    message.header.frame_id = arguments.frame_id or client.base_link()
+    message.header.frame_id = arguments.frame_id or parse_urdf(client.description()).root_link
     place, turn = message.pose.position, message.pose.orientation
     place.x, place.y, place.z = arguments.translation
     turn.x, turn.y, turn.z, turn.w = [0.0] * 4 if not arguments.rpy else pin.Quaternion(

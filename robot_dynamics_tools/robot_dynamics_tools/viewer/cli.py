@@ -12,7 +12,6 @@ Exit status: 0 ended by Ctrl-C or SIGTERM; 1 it cannot start; 2 a mistake in the
 
 import argparse
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 import re
 import signal
@@ -69,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if argv is None else argv)
     split = given.index('--ros-args') if '--ros-args' in given else len(given)
     arguments = parser.parse_args(given[:split])
-    return run_tool('viewer', partial(_run, arguments, given[split:]), rejected=FAILED)
+    return run_tool('viewer', lambda: _run(arguments, given[split:]), rejected=FAILED)
 
 
 def token_text(text: str) -> str:
