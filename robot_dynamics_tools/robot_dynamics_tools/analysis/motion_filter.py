@@ -211,8 +211,7 @@ def _filter_segment(
         velocity = position.derivative()
     else:
         grid, recorded = smooth(series.velocity)
-        velocity = make_spline(
-            grid, np.where(bad, position.derivative()(grid), recorded), k=5)
+        velocity = make_spline(grid, np.where(bad, position.derivative()(grid), recorded), k=5)
     found = {'position': position(times), 'velocity': velocity(times),
              'acceleration': velocity.derivative()(times)}
     if series.effort is not None:

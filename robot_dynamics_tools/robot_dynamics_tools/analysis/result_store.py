@@ -65,8 +65,7 @@ def plain_value(value: object) -> Any:
     Fields that a dataclass excludes from comparisons are omitted.
     """
     if is_dataclass(value):
-        return {field.name: getattr(value, field.name) for field in fields(value)
-                if field.compare}
+        return {field.name: getattr(value, field.name) for field in fields(value) if field.compare}
     if isinstance(value, np.ndarray):
         return value.tolist()
     raise TypeError(f'{type(value).__name__} cannot be stored, expected a dataclass or an array')

@@ -65,8 +65,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         'analyze', argv, arguments.urdf, f'{ROBOT_DESCRIPTION} of the recording'))
     kept, each = None, None
     if task.outputs:
-        places = [
-            arguments.output.resolve() / (name if len(bags) > 1 else '') for name in names]
+        places = [arguments.output.resolve() / (name if len(bags) > 1 else '') for name in names]
         kept = options.prepare_directory(
             arguments.output, [place / name for place in places for name in task.outputs],
             arguments)

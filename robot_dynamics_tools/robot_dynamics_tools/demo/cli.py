@@ -85,8 +85,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     for option, other in (('trajectory', 'replay'), ('trajectory', 'duration'),
                           ('parameters', 'replay'), ('viewer', 'replay')):
         if None not in (getattr(arguments, option), getattr(arguments, other)):
-            raise InvalidInputError(
-                f'--{option} is given with --{other}, expected one of the two')
+            raise InvalidInputError(f'--{option} is given with --{other}, expected one of the two')
     require_ros('the demo')
     if arguments.viewer is not None:
         require('demo --viewer', 'viser')

@@ -122,8 +122,7 @@ def motion_along(arm: ArmModel, trajectory: JointTrajectory) -> ReferenceMotion:
     Raises InvalidInputError if it has only one point, or starts outside the limits.
     """
     if trajectory.is_set_point:
-        raise InvalidInputError(
-            'the trajectory has 1 point, expected at least 2')
+        raise InvalidInputError('the trajectory has 1 point, expected at least 2')
     q0 = _checked_start(arm, trajectory.points[0].position)
     dynamics = ArmDynamics(arm)
     q, v, a = _sample(trajectory)
@@ -143,8 +142,7 @@ def sample_trajectory(trajectory: JointTrajectory, times: FloatArray) -> Referen
 
 def _checked_start(arm: ArmModel, start: FloatArray) -> FloatArray:
     q0 = check_vector('start', start, arm.joint_count, arm.joint_names)
-    for name, value, low, high in zip(
-            arm.joint_names, q0, arm.limits.lower, arm.limits.upper):
+    for name, value, low, high in zip(arm.joint_names, q0, arm.limits.lower, arm.limits.upper):
         if not low <= value <= high:
             raise InvalidInputError(
                 f'start of {name!r} is {value:g}, expected a position in [{low:g}, {high:g}]')

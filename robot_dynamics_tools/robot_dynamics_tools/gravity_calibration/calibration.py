@@ -226,8 +226,7 @@ def _fit(
     n = arm.joint_count
     fit = scale_fit.fit_scales(seen, np.full(n, np.nan))
     deviation = fit.spread(np.eye(n, len(fit.is_lost))).deviation
-    is_observable = seen.is_used.any(axis=0) & (
-        deviation < UNOBSERVABLE * np.abs(fit.inverse))
+    is_observable = seen.is_used.any(axis=0) & (deviation < UNOBSERVABLE * np.abs(fit.inverse))
     if not is_observable.any():
         span = np.ptp(seen.known + seen.columns @ fit.beta, axis=0)
         raise InvalidInputError(

@@ -176,8 +176,7 @@ def parameter_values(
 
     replaced = ('friction.', 'robot_description', 'uncertainty.', *(
         ('actuator.',) if arm.actuators is None else _INERTIAS))
-    kept = {name: value for name, value in (given or {}).items()
-            if not name.startswith(replaced)}
+    kept = {name: value for name, value in (given or {}).items() if not name.startswith(replaced)}
     values: dict[str, Any] = {
         'command': kept.get('command', 'none'),
         'joints': list(arm.joint_names),

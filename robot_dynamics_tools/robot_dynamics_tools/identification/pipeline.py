@@ -99,9 +99,7 @@ def prior_of(arm: ArmModel) -> Prior:
     return make_prior(inertial_parameters(bare), inertia, arm.limits.velocity)
 
 
-def base_parameters_of(
-    arm: ArmModel, gravities: Sequence[Sequence[float]] = (),
-) -> BaseParameters:
+def base_parameters_of(arm: ArmModel, gravities: Sequence[Sequence[float]] = ()) -> BaseParameters:
     """
     Return the base parameters of the arm's bodies and the reflected inertia of its rotors.
 
@@ -171,8 +169,7 @@ def identify_recordings(
     estimate = estimate_parameters(information, base, models.problem)
     odd = contradicting_recordings(parts, models.problem)
     on_stage(STAGES[4])
-    evaluated = recordings.evaluate(steps.Evaluation(
-        models.by_name, scale, keeps_samples))
+    evaluated = recordings.evaluate(steps.Evaluation(models.by_name, scale, keeps_samples))
     for i, text in odd.items():
         facts = evaluated[i].facts
         evaluated[i] = replace(evaluated[i], facts=replace(

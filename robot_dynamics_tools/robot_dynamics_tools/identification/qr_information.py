@@ -150,8 +150,7 @@ def merge(parts: Sequence[QrInformation]) -> QrInformation:
         blocks = len(part.folds)
         shifts.append(2 * start if blocks < BLOCKS else 0)
         start = (start + blocks) % BLOCKS
-    slots = np.stack([
-        np.roll(part.factors, shift, axis=0) for part, shift in zip(parts, shifts)])
+    slots = np.stack([np.roll(part.factors, shift, axis=0) for part, shift in zip(parts, shifts)])
     merged = QrInformation(
         first.joint_names, first.columns,
         np.stack([stack_factors(slots[:, slot]) for slot in range(slots.shape[1])]),

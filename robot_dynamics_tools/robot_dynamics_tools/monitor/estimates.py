@@ -165,9 +165,7 @@ class LiveEstimates:
         except Exception as error:  # no state may end the thread
             self._lack(repr(error))
 
-    def _take(
-        self, estimates: Estimates, wanted: tuple[bool, bool], state: MeasuredState,
-    ) -> None:
+    def _take(self, estimates: Estimates, wanted: tuple[bool, bool], state: MeasuredState) -> None:
         if state.effort is None:
             raise InvalidInputError(state.obstacle)
         dt = self._begin_where_needed(estimates, state)

@@ -65,8 +65,7 @@ class FollowedDynamics:
         self._client = node.create_client(GetParameters, f'{name}/get_parameters')
         node.create_subscription(
             ParameterEvent, '/parameter_events', self._on_event, qos_profile_parameter_events)
-        node.create_subscription(
-            InertiaStamped, f'{name}/payload', self._on_payload, ALL_PAYLOADS)
+        node.create_subscription(InertiaStamped, f'{name}/payload', self._on_payload, ALL_PAYLOADS)
         node.create_subscription(
             String, f'{name}/robot_description', self._on_description, LATCHED,
             largest=LARGEST_DESCRIPTION)

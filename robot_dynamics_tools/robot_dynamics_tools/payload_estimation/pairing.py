@@ -68,8 +68,7 @@ def pair_rests(rests: Sequence[Rest], independent_interval: float) -> RestRows:
 
 def _pairs_and_others(rests: Sequence[Rest]) -> list[tuple[Rest, ...]]:
     """Return pairs of opposite approaches, nearest first, and the rests without a partner."""
-    ups, downs = (
-        [i for i, rest in enumerate(rests) if rest.approach == side] for side in (1, -1))
+    ups, downs = ([i for i, rest in enumerate(rests) if rest.approach == side] for side in (1, -1))
     position = np.array([rest.position for rest in rests])
     distance = np.abs(position[ups, None] - position[None, downs]).max(axis=2)
     near = sorted((float(distance[i, k]), ups[i], downs[k])

@@ -91,8 +91,7 @@ def _read(
         filter_motion(read.series, settings.cutoff_hz))
     motion, remark = with_joint_effort(motion, read.arm, settings.parameters)
     motion, causes = corrected(read.arm, motion)
-    return read.arm, motion, tuple(filter(
-        None, (*read.remarks, remark, *causes)))
+    return read.arm, motion, tuple(filter(None, (*read.remarks, remark, *causes)))
 
 
 def add_motion(estimator: PayloadEstimator, motion: FilteredMotion) -> None:

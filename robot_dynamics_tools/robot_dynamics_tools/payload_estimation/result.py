@@ -162,9 +162,7 @@ def _unknown_errors(arm: ArmModel) -> tuple[str, ...]:
                 '' if is_calibrated else ': see the error per 1 % of the measured effort'),)
 
 
-def _verdicts(
-    regressor: LoadRegressor, solution: Solution, limit: FloatArray,
-) -> tuple[str, ...]:
+def _verdicts(regressor: LoadRegressor, solution: Solution, limit: FloatArray) -> tuple[str, ...]:
     Y = regressor(*random_states(regressor.arm, _STATES)).reshape(-1, COUNT)
     Y = Y * np.array([1.0, *(LENGTH,) * 3, *(LENGTH**2,) * 6])
     _, s, Vt = np.linalg.svd(Y, full_matrices=True)
@@ -195,9 +193,7 @@ def _friction_text(rests: RestRows, band: FloatArray) -> str:
     return '; '.join(parts)
 
 
-def _implausible(
-    arm: ArmModel, solution: Solution, verdicts: tuple[str, ...],
-) -> tuple[str, ...]:
+def _implausible(arm: ArmModel, solution: Solution, verdicts: tuple[str, ...]) -> tuple[str, ...]:
     """Return what is physically impossible; values are reported as they are, not clipped."""
     if verdicts[0] != OBSERVABLE:
         return ()

@@ -53,9 +53,7 @@ class Units(NamedTuple):
         """The units of position errors: mrad, mm."""
         return ', '.join(f'm{unit}' for unit in self.position.split(', '))
 
-    def table(
-        self, headings: Sequence[str], columns: Mapping[str, Sequence[float | str]],
-    ) -> str:
+    def table(self, headings: Sequence[str], columns: Mapping[str, Sequence[float | str]]) -> str:
         """Return a table of values by joint; `columns` have a unit in their headings."""
         heads = ['joint', 'kind'] if self.kinds else ['joint']
         rows = [[name, self.kinds[name], *values] if self.kinds else [name, *values]

@@ -195,8 +195,7 @@ class MotionWatch:
         Raises NoAnswerError without references.
         """
         if self._early > 1:  # the first status may be from before the goal
-            raise ToolError(
-                f'the motion ended early: {self._status.removeprefix(_EARLY)}')
+            raise ToolError(f'the motion ended early: {self._status.removeprefix(_EARLY)}')
         if len(self._goal) and not self.is_at(self._goal, self._accepted[1]):
             self._raise_replaced()
         if time.monotonic() - self._last_reference > self._client.timeout:
@@ -248,8 +247,7 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
         watch.wait_ready()
         goal = joint_values('position', arguments.position, names, watch.position)
         limits = {name: joint.velocity_limit for name, joint in joints.items()}
-        duration = _duration(
-            arguments, names, limits, watch.error(goal, watch.measured()))
+        duration = _duration(arguments, names, limits, watch.error(goal, watch.measured()))
         with goal_publication(client, names) as publish:
             try:
                 watch.wait_taken(goal, lambda: publish(goal, duration))

@@ -74,8 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def token_text(text: str) -> str:
     """Return the token of an argument; raise ArgumentTypeError if it is unfit for addresses."""
     if not re.fullmatch(r'[\w-]{8,}', text, re.ASCII):
-        raise argparse.ArgumentTypeError(
-            f'{text!r}, expected at least 8 letters, digits, - or _')
+        raise argparse.ArgumentTypeError(f'{text!r}, expected at least 8 letters, digits, - or _')
     return text
 
 
