@@ -4,7 +4,7 @@
 """Payloads that are set, removed or rejected while the node commands."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -92,14 +92,10 @@ def test_an_invalid_payload(bench, request_, reported):
     assert all(m.effort == pytest.approx(G, abs=1e-6) for m in bench.efforts.messages)
 
 
-@contextmanager
-def permitted(bench: FaultBench) -> Iterator[None]:
+def permitted(bench: FaultBench) -> AbstractContextManager[None]:
     """Let the node accept any physical payload."""
-    bench.set_parameters(allow_implausible_payload=True)
-    try:
-        yield
-    finally:
-        bench.set_parameters(allow_implausible_payload=False)
+    return bench.temporarily(
+        {'allow_implausible_payload': False}, allow_implausible_payload=True)
 
 
 def wait_payloads(bench: FaultBench, words: str) -> DiagnosticStatus:
