@@ -3,18 +3,7 @@
 
 """Events of the controller between two states: stops, lost states, faults, shifted time."""
 
-from controller_bench import (
-    ARM,
-    LOAD,
-    make_controller,
-    NAMES,
-    NOW,
-    Q,
-    SECOND,
-    update,
-    V,
-    ZERO,
-)
+from controller_bench import ARM, LOAD, make_controller, NAMES, NOW, Q, SECOND, update, V, ZERO
 import numpy as np
 import pytest
 from robot_dynamics.control.braking import braked

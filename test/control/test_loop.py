@@ -174,8 +174,7 @@ def test_a_state_without_a_finite_effort_is_a_latched_fault():
 
 def test_an_inactive_loop_answers_without_an_effort():
     loop = ControlLoop.of_arm(arm_named('default'))
-    inactive = ControlLoop(
-        loop.controller, loop.supervisor.limiter.limits, SafetyOptions())
+    inactive = ControlLoop(loop.controller, loop.supervisor.limiter.limits, SafetyOptions())
     answer = inactive.answer(FIRST_STAMP, Q, 0.0 * Q)
     assert answer.effort is None
     assert answer.output.command is not None  # what would be commanded

@@ -39,8 +39,7 @@ def arm_named(name: str) -> ArmModel:
 def disturbed(one: LockStep, size: float, seconds: float) -> Trace:
     """Start at rest; then move the reference of all joints by `size` [rad] in one step."""
     rng = np.random.default_rng(0)
-    one.sensor = lambda q, v: tuple(
-        x + rng.normal(0.0, 1e-7, len(x)) for x in (q, v))
+    one.sensor = lambda q, v: tuple(x + rng.normal(0.0, 1e-7, len(x)) for x in (q, v))
     trace = one.run(0.5)
     assert trace.speed.max() < AT_REST
     if one.loop.controller.laws.follows:
@@ -48,9 +47,7 @@ def disturbed(one: LockStep, size: float, seconds: float) -> Trace:
     return one.run(seconds)
 
 
-def run(
-    arm_name: str, rate: float, size: float, seconds: float, **options: object,
-) -> Trace:
+def run(arm_name: str, rate: float, size: float, seconds: float, **options: object) -> Trace:
     """Return the motion with a delay of one period and more, in ms."""
     one = LockStep(
         arm_named(arm_name), rate=rate, delay=round(1e3 / rate),

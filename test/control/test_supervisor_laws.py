@@ -35,8 +35,7 @@ rates = st.sampled_from([10.0, 1000.0, 1e6])
 
 
 def limits(rate: float) -> EffortLimits:
-    return EffortLimits(
-        np.full(2, -REACH), np.full(2, REACH), np.full(2, 2.0), rate)
+    return EffortLimits(np.full(2, -REACH), np.full(2, REACH), np.full(2, 2.0), rate)
 
 
 class Supervised(RuleBasedStateMachine):
@@ -89,8 +88,7 @@ class Supervised(RuleBasedStateMachine):
         silent_before = self.one.mode in (Mode.INACTIVE, Mode.WAITING)
         since = self.now + pause - self.sent_at
         self.now += pause
-        effort = self.one.answer(
-            self.now, q, v, command, lambda: hold, since if stamped else None)
+        effort = self.one.answer(self.now, q, v, command, lambda: hold, since if stamped else None)
         self.receives(effort, hold)
         assert self.one.mode is not Mode.WAITING
         if silent_before and (np.abs(q) > REACH + 0.0087).any():

@@ -70,8 +70,7 @@ DRIVERS = {
 }
 """Of Piper the joint states that a relay has completed."""
 SPECS = {spec.name: spec for spec in (*SIMULATED_ARM_SPECS, *DYNAMICS_SPECS)}
-COMPENSATING = {
-    'ur.yaml', 'franka_fr3.yaml', 'franka_panda.yaml', 'kuka_lbr.yaml', 'yam.yaml'}
+COMPENSATING = {'ur.yaml', 'franka_fr3.yaml', 'franka_panda.yaml', 'kuka_lbr.yaml', 'yam.yaml'}
 RUN = ('ros2_control.yaml', 'ur.yaml', 'kuka_lbr.yaml')
 """A gripper, another order of the joints without effort, and a generated chain."""
 

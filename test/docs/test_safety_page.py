@@ -14,8 +14,7 @@ from robot_dynamics.ros.dynamics.parameters import SAFETY_SPECS, SPECS
 DOCS = Path(__file__).parents[2] / 'docs'
 PAGES = (
     'safety.md', 'command.md', 'joint_states.md', 'gains.md', 'contacts.md', 'external_effort.md')
-TEXT = ''.join(
-    (DOCS / name).read_text(encoding='utf-8') for name in PAGES)
+TEXT = ''.join((DOCS / name).read_text(encoding='utf-8') for name in PAGES)
 
 
 def tables() -> Iterator[list[dict[str, str]]]:

@@ -60,8 +60,7 @@ def test_a_payload_at_once(bench, seen):
     assert set_payload(bench, MASS).success
     wait_effort(bench, LOADED)
     assert set_payload(bench, 0.0).success
-    wait_until(
-        lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'g(q) alone')
+    wait_until(lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'g(q) alone')
     check_rate(bench.efforts)
     seen(f'from {G[0]:.0f} to {LOADED[0]:.0f} N·m')
 
@@ -94,8 +93,7 @@ def test_an_invalid_payload(bench, request_, reported):
 
 def permitted(bench: FaultBench) -> AbstractContextManager[None]:
     """Let the node accept any physical payload."""
-    return bench.temporarily(
-        {'allow_implausible_payload': False}, allow_implausible_payload=True)
+    return bench.temporarily({'allow_implausible_payload': False}, allow_implausible_payload=True)
 
 
 def wait_payloads(bench: FaultBench, words: str) -> DiagnosticStatus:

@@ -7,14 +7,7 @@ Every quantity of the rigid bodies against MuJoCo and Drake, on real robots at r
 `engine_cases` builds arm and engine from the same description.
 """
 
-from engine_cases import (
-    assert_near,
-    assert_same_motion,
-    ENGINES,
-    make_case,
-    plain,
-    with_payloads,
-)
+from engine_cases import assert_near, assert_same_motion, ENGINES, make_case, plain, with_payloads
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import ArmModel

@@ -90,10 +90,7 @@ def test_worked_example_with_its_vectors():
 
 def scalar_recursion_that_forgets_the_joint():
     """Add gravity, tangential and inward terms in one direction; joint 2 starts at rest."""
-    along_link = [
-        9.81 + 0.1 * 0.5 - 0.5**2 * 0.5,
-        0.0 + 0.3 * 0.4 - 0.8**2 * 0.4,
-    ]
+    along_link = [9.81 + 0.1 * 0.5 - 0.5**2 * 0.5, 0.0 + 0.3 * 0.4 - 0.8**2 * 0.4]
     force2 = 3.0 * along_link[1]
     tau2 = 0.4 * force2 + 0.05 * 0.3
     tau1 = tau2 + 0.5 * (force2 + 5.0 * along_link[0]) + 0.1 * 0.1

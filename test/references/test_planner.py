@@ -39,8 +39,7 @@ HULL = 1e-8
 """Tolerance of positions [rad]."""
 RATIO = 1.001
 
-counts = pytest.mark.parametrize(
-    'count', [150, pytest.param(100_000, marks=pytest.mark.soak)])
+counts = pytest.mark.parametrize('count', [150, pytest.param(100_000, marks=pytest.mark.soak)])
 
 
 class Case(NamedTuple):

@@ -189,8 +189,7 @@ def test_a_trajectory_that_is_entered_late_is_met_on_its_path(start, goal, late,
     found = samples(one, 10.0 * late, (active.end_ns - NOW) / SECOND)
     most, own = limits_of().whole, samples_of(exact)
     assert (np.abs(found.v) <= TOLERANCE * np.maximum(most.velocity, own.velocity)).all()
-    assert (np.abs(found.a) <= TOLERANCE * np.maximum(
-        most.acceleration, own.acceleration)).all()
+    assert (np.abs(found.a) <= TOLERANCE * np.maximum(most.acceleration, own.acceleration)).all()
 
 
 def samples_of(exact: ActiveTrajectory) -> Reference:

@@ -72,8 +72,7 @@ def test_the_end_of_a_stream_with_velocities_is_a_planned_stop(rate, end):
     assert found.jerk <= 2.0 * limits.jerk[0]
     assert not at(one, stopped).velocity.any()
     # The speed decreases as soon as the acceleration is removed, with the limit of the jerk.
-    later = found.after(
-        end + one.stream_timeout + limits.acceleration[0] / limits.jerk[0])
+    later = found.after(end + one.stream_timeout + limits.acceleration[0] / limits.jerk[0])
     speed = np.abs(later.v)
     assert (np.diff(speed, axis=0) <= 1e-6).all()
 

@@ -107,8 +107,7 @@ def small_steps(
         sticks = ~((np.abs(z) >= 1.0) & (z * v > 0.0))
         damping = 2.0 * DAMPING_RATIO * np.sqrt(F / d * np.diag(M)) * sticks * np.exp(
             -v * v / (F * d / np.diag(M)))
-        effort = tau - body.nonlinear(q, v) - (
-            F * z + (damping + friction.viscous) * v)
+        effort = tau - body.nonlinear(q, v) - (F * z + (damping + friction.viscous) * v)
         return v, np.linalg.solve(M, effort), np.where(sticks, v / d, 0.0)
 
     for tau in efforts:
@@ -161,8 +160,7 @@ def random_friction(each: list[dict[str, float]]) -> dict[str, list[float]]:
 @given(data=st.data())
 def test_energy_never_grows_without_input(data):
     """K + P with the energy of the bristles, minus the work, over random arms and states."""
-    bare, q = data.draw(st.sampled_from([
-        (ARM, np.array([0.4, -0.7])), (panda(), POSE)]))
+    bare, q = data.draw(st.sampled_from([(ARM, np.array([0.4, -0.7])), (panda(), POSE)]))
     n = bare.joint_count
     each = data.draw(st.lists(frictions, min_size=n, max_size=n))
     arm = rubbing(bare, **random_friction(each))

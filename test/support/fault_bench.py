@@ -223,8 +223,7 @@ class FaultBench:
     def peak_memory(self) -> int:
         """Return the peak memory of the node so far [bytes]."""
         with open(f'/proc/{self.node.pid}/status', encoding='ascii') as status:
-            return 1024 * next(
-                int(line.split()[1]) for line in status if line.startswith('VmHWM'))
+            return 1024 * next(int(line.split()[1]) for line in status if line.startswith('VmHWM'))
 
     # ------------------------------------------------------------------ diagnostics
 

@@ -150,8 +150,7 @@ def test_a_rejected_set_point_leaves_the_reference(is_conditioned):
     (trajectory([50.0, 0.0]), [1.5, 0.0]),
     (trajectory([0.0, 0.0], [0.0, -50.0]), [0.0, -2.0])])
 def test_positions_are_clipped_if_so_chosen(is_conditioned, sent, goal):
-    one = controller(
-        conditions_references=is_conditioned, slows_down=True, clips_positions=True)
+    one = controller(conditions_references=is_conditioned, slows_down=True, clips_positions=True)
     one.follow(sent, 0)
     assert reached(one) == pytest.approx(goal)
 

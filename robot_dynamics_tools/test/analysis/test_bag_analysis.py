@@ -106,8 +106,7 @@ def test_joints_of_other_names_are_mapped_in_either_order(tmp_path, pair):
 
 
 def test_joints_that_were_not_recorded_are_locked_and_reported(tmp_path):
-    analysis = analyze_recording(
-        recorded(tmp_path, states(('joint1', 'gripper'))), SETTINGS)
+    analysis = analyze_recording(recorded(tmp_path, states(('joint1', 'gripper'))), SETTINGS)
     assert analysis.arm.joint_names == ('joint1',)
     assert 'not recorded, therefore locked: joint2' in analysis.recording.remarks
 

@@ -146,8 +146,7 @@ def write_bag(path, motion, names, urdf=None, extra=()):
 @pytest.fixture(scope='module')
 def recorded_swing(tmp_path_factory):
     motion = simulate_motion(load_arm(default_arm_urdf()), 3.0, 100.0)
-    return write_bag(
-        tmp_path_factory.mktemp('bags') / 'swing', motion, ['joint1', 'joint2'])
+    return write_bag(tmp_path_factory.mktemp('bags') / 'swing', motion, ['joint1', 'joint2'])
 
 
 def test_positions_that_wrap_give_the_same_motion(tmp_path):

@@ -138,8 +138,7 @@ def test_nodes_start_with_what_was_written(output):
     assert max(written['friction.sigmoid']) > 0.5
     arm = arm_from_parameters((output / 'identified.urdf').read_text(), written)
     expected = ArmDynamics(arm)
-    arguments = [
-        '--ros-args', '--params-file', str(path), '-p', 'command:=computed_torque', '--']
+    arguments = ['--ros-args', '--params-file', str(path), '-p', 'command:=computed_torque', '--']
     with RosClient() as client, running(
             NodeProcess(SIMULATED_ARM, {
                 'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0,

@@ -107,8 +107,7 @@ def test_a_joint_at_rest_has_no_friction():
     states.q[:, joint] = 0.5 + 1e-4 * np.sin(states.times)
     states.v[:, joint], states.a[:, joint] = 1e-4 * np.cos(states.times), 0.0
     found = identify(UR5, [noisy(states, imperfect_effort(states, seed), seed)])
-    assert not_separable(found) == {
-        UR5.joint_names[joint]: ('viscous friction', 'dry friction')}
+    assert not_separable(found) == {UR5.joint_names[joint]: ('viscous friction', 'dry friction')}
     friction = fitted_friction(UR5, found.models.consistent)
     for values in (
             friction.viscous, friction.coulomb, friction.sigmoid, friction.load_coefficient):

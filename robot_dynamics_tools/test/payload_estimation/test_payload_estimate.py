@@ -66,8 +66,7 @@ def test_holds_from_both_directions_are_free_of_friction():
     effort = measured(case, samples)
     known = estimated(case, samples, effort)
     assert 'averaged' in known.friction
-    ignorant = case._replace(arm=case.arm.with_friction(
-        load_arm(robot_urdf('ur10')).friction))
+    ignorant = case._replace(arm=case.arm.with_friction(load_arm(robot_urdf('ur10')).friction))
     unknown = estimated(ignorant, samples, effort)
     assert unknown.friction.endswith('has no dry friction') or unknown.singles == 0
     for estimate in (known, unknown):
@@ -109,8 +108,7 @@ def test_friction_that_the_controller_compensates_is_in_the_deviations():
         samples = with_compensated_friction(case, holds(case, 8, both_sides=True))
         estimate = estimated(case, samples, measured(case, samples))
         assert estimate.pairs > 0
-        squares += [
-            error**2 for i, error in errors_in_deviations(case, estimate).items() if i < 4]
+        squares += [error**2 for i, error in errors_in_deviations(case, estimate).items() if i < 4]
     assert 0.4 < np.mean(squares) < 2.0
 
 

@@ -24,11 +24,7 @@ from robot_dynamics_tools.pictures.torque_grid import (
     make_grid,
     motion_efforts,
 )
-from robot_dynamics_tools.pictures.workspace_map import (
-    limit_ratios,
-    map_gravity,
-    smoothed,
-)
+from robot_dynamics_tools.pictures.workspace_map import limit_ratios, map_gravity, smoothed
 from robots import robot_urdf
 
 DEFAULT = load_arm(default_arm_urdf())
@@ -56,8 +52,7 @@ def motion_of(arm):
 def test_values_are_those_of_the_library_at_each_point(arm):
     arm = arm.with_friction(make_friction(arm.joint_names, [0.8], [1.5]))
     v, a = motion_of(arm)
-    home = np.clip(
-        np.linspace(0.3, -0.4, arm.joint_count), arm.limits.lower, arm.limits.upper)
+    home = np.clip(np.linspace(0.3, -0.4, arm.joint_count), arm.limits.lower, arm.limits.upper)
     grid = make_grid(arm, arm.joint_names[1:3], home, samples=9)
     gravity, motion = gravity_efforts(arm, grid), motion_efforts(arm, grid, v, a)
     inertia = inertia_diagonal(arm, grid)

@@ -12,11 +12,7 @@ import pytest
 from recordings import START_NS, stored_file, write_recording
 from robot_dynamics_tools.recordings import storage
 from robot_dynamics_tools.recordings.reader import Recording
-from robot_dynamics_tools.recordings.storage import (
-    Budget,
-    DecompressionLimitError,
-    zstd_module,
-)
+from robot_dynamics_tools.recordings.storage import Budget, DecompressionLimitError, zstd_module
 
 COMPRESSED = ('mcap_chunk', 'mcap_message', 'mcap_file', 'sqlite3_message', 'sqlite3_file')
 LIMIT = 1_000_000

@@ -80,9 +80,7 @@ def opened(browser, path, size=SIZE):
 @pytest.mark.parametrize('name', [
     'check_model', *(pytest.param(name, marks=pytest.mark.soak) for name in (
         'torque_map', *ZOOMABLE))])
-def test_a_report_needs_no_network_and_fits_a_wide_and_a_narrow_screen(
-    browser, report_of, name,
-):
+def test_a_report_needs_no_network_and_fits_a_wide_and_a_narrow_screen(browser, report_of, name):
     """It requests only itself, and scrolls in no element horizontally."""
     with opened(browser, report_of(name)) as tab:
         tab.wait_for_selector(FIGURE if name in ZOOMABLE else 'h1')
