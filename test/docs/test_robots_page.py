@@ -119,16 +119,11 @@ def test_files_are_valid_command_nothing_and_tune_nothing(file):
     assert set(joints_of(file)) <= set(DRIVERS[file].names)
 
 
-def publish_now(client: RosClient, states: Any, message: JointState) -> None:
-    """Publish the message with the present time."""
-    message.header.stamp = client.node.get_clock().now().to_msg()
-    states.publish(message)
-
-
 def answer(client: RosClient, states: Any, message: JointState, answers: Collector) -> JointState:
     """Publish the message with the present time until it is answered; return the answer."""
     def is_answered() -> bool:
-        publish_now(client, states, message)
+        message.header.stamp = client.node.get_clock().now().to_msg()
+        states.publish(message)
         return answers.find(has_stamp(message.header.stamp), 0.5) is not None
 
     wait_until(is_answered, 'effort for the joint states of the driver')

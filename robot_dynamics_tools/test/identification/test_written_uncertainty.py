@@ -83,20 +83,19 @@ def share_inside(arm, q, v, a, measured):
                      for part in (is_slow, ~is_slow)])
 
 
-def identified_with_bristles(motion, *seeds):
-    """Return the arm that is identified from motions with a friction that no model describes."""
-    motions = [motion(ARM, 100.0, 30.0, seed) for seed in seeds]
-    found = identify(ARM, [recorded(
-        ARM, states, effort_of(states) + lugre_friction(states), NOISE) for states in motions])
-    return found, loaded(found, {
-        **parameter_values(ARM, found.models.consistent), **uncertainty_values(found)})
-
-
 @pytest.mark.parametrize(('motion', 'seeds'), [
     (fourier_motion, (1,)), (moves_with_pauses, (2, 3))])
 def test_the_interval_contains_95_percent_of_the_recorded_and_of_other_samples(motion, seeds):
-    """Slow and fast samples; some of the other motion are faster than the recorded ones."""
-    found, arm = identified_with_bristles(motion, *seeds)
+    """
+    Slow and fast samples; some of the other motion are faster than the recorded ones.
+
+    No model describes the friction of the arm, which has bristles.
+    """
+    motions = [motion(ARM, 100.0, 30.0, seed) for seed in seeds]
+    found = identify(ARM, [recorded(
+        ARM, states, effort_of(states) + lugre_friction(states), NOISE) for states in motions])
+    arm = loaded(found, {
+        **parameter_values(ARM, found.models.consistent), **uncertainty_values(found)})
     shown = [recording.shown for recording in found.recordings]
     share = share_inside(arm, *(
         np.concatenate([getattr(each, name) for each in shown])

@@ -38,15 +38,11 @@ from robots import robot_urdf
     ('default', 'motion')])
 def test_a_hidden_load_is_recovered(name, kind):
     case = hidden_load(name, seed=1)
-    estimate = estimate_of(case, kind)
+    samples = samples_of(case, kind)
+    estimate = estimated(case, samples, measured(case, samples))
     check_recovery(case, estimate)
     assert estimate.is_observable
     assert (estimate.pairs > estimate.singles) == (kind == 'pairs')
-
-
-def estimate_of(case: Case, kind: str) -> PayloadEstimate:
-    samples = samples_of(case, kind)
-    return estimated(case, samples, measured(case, samples))
 
 
 def check_recovery(case: Case, estimate: PayloadEstimate) -> None:
