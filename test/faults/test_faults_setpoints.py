@@ -46,9 +46,12 @@ def test_a_stream_that_pauses(bench):
             bench.efforts.clear()
             bench.efforts.wait_for(lambda message: not is_gravity(message))
             wait_until(lambda: stream.sent >= 10, 'ten set-points')
-        bench.wait_message('reference', 'following')
-        with bench.temporarily(NEVER, reference_timeout=TIMEOUT):
-            status = bench.wait_figure('reference', 'streams that paused', paused)
+            bench.wait_message('reference', 'following')
+            bench.set_parameters(reference_timeout=TIMEOUT)
+            # the timeout changes with the next set-point
+            wait_until(lambda sent=stream.sent: stream.sent > sent + 1, 'two set-points')
+        status = bench.wait_figure('reference', 'streams that paused', paused)
+        bench.set_parameters(**NEVER)
         assert status.level == DiagnosticStatus.WARN
         assert status.message == (
             'ended early: the stream of set-points paused for more than reference_timeout')
