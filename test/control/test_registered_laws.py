@@ -10,15 +10,14 @@ docs/control_laws.md. All run with the default parameters of
 """
 
 from collections.abc import Mapping
-from functools import cache
 
-from lock_step_loop import LockStep, smooth_arm, Trace
+from lock_step_loop import LockStep, Trace
+from loop_motions import arm_named
 import numpy as np
 from page_law import page_law
 import pytest
 from robot_dynamics.control.laws.control_law import ControlLaw
 from robot_dynamics.control.laws.law_table import all_laws, LAWS
-from robot_dynamics.model.arm import ArmModel
 
 REGISTERED: Mapping[str, type[ControlLaw]] = {**all_laws(), 'spring': page_law()}
 AT_REST = 1e-3
@@ -29,11 +28,6 @@ DISTURBANCE = 0.02
 grid = pytest.mark.parametrize(('arm_name', 'rate'), [
     ('panda', 100.0), pytest.param('ur5', 500.0, marks=pytest.mark.soak),
     pytest.param('panda', 1000.0, marks=pytest.mark.soak)])
-
-
-@cache
-def arm_named(name: str) -> ArmModel:
-    return smooth_arm(name)
 
 
 def disturbed(one: LockStep, size: float, seconds: float) -> Trace:
