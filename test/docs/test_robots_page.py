@@ -142,8 +142,7 @@ def running(file: str) -> NodeProcess:
     file, marks=() if file in RUN else pytest.mark.soak) for file in DRIVERS])
 def test_the_node_runs_on_the_file(client, file):
     """It publishes g(q) for the joints of the file and joint states as the driver sends them."""
-    driver = DRIVERS[file]
-    message = driver.message()
+    message = DRIVERS[file].message()
     with running(file), \
             client.collect(JointState, f'{NODE}/gravity_compensation') as efforts, \
             client.collect(JointState, '/cell/effort_command') as commands:

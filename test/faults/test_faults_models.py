@@ -149,8 +149,7 @@ def test_the_embedded_arm_gives_way_at_once(client):
         publish(HEAVY)
         one.efforts.wait_for(
             lambda message: np.allclose(message.effort, hold_of(HEAVY), atol=1e-6))
-        sent = one.efforts.published()
-        assert sent[0][1].effort == pytest.approx(G, abs=1e-6)
+        assert one.efforts.published()[0][1].effort == pytest.approx(G, abs=1e-6)
         for before, after in one.efforts.in_a_row():
             dt = 1e-9 * (nanoseconds_of(after.header.stamp) - nanoseconds_of(before.header.stamp))
             change = np.abs(np.subtract(after.effort, before.effort)).max()

@@ -164,8 +164,7 @@ def test_correction_force_acts_at_the_joint_and_not_at_the_centre_of_mass():
 
 def test_correction_weight_is_carried_upwards():
     flipped = vector_recursion(up=-1.0)
-    g = planar.gravity_vector(ARM, Q)
-    assert_close(EXAMPLE - flipped, 2.0 * g, atol=2.0 * PRINTED)
+    assert_close(EXAMPLE - flipped, 2.0 * planar.gravity_vector(ARM, Q), atol=2.0 * PRINTED)
 
 
 # --- input ------------------------------------------------------------------------------------

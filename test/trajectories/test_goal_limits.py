@@ -130,8 +130,7 @@ def controller(**changes: Any) -> Controller:
 
 def reached(one: Controller) -> list[float]:
     """Return the final position of the reference."""
-    reference = update(one, 1 + 10**11, np.zeros(2), np.zeros(2)).reference
-    return list(reference.position)
+    return list(update(one, 1 + 10**11, np.zeros(2), np.zeros(2)).reference.position)
 
 
 @pytest.mark.parametrize('is_conditioned', [False, True])

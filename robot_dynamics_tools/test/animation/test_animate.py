@@ -91,8 +91,7 @@ def test_arcs_cover_the_angle_of_the_moment_clockwise_from_above(moment):
 
 def test_energy_bars_end_where_the_work_ends(swing):
     axes = axes_of()
-    panel = EnergyPanel(axes, swing)
-    panel.show(9)
+    EnergyPanel(axes, swing).show(9)
     kinetic, potential, total, heat, work = axes.patches
     assert kinetic.get_width() == pytest.approx(swing.kinetic[9])
     assert total.get_width() == pytest.approx(potential.get_x() + potential.get_width())

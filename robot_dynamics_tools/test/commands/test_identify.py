@@ -173,8 +173,7 @@ def test_without_test_samples_the_folds_test_the_model(tmp_path, output, capsys)
     assert run(tmp_path, urdf, '--train-fraction', '1.0') == DONE
     printed, err = capsys.readouterr()
     assert "joint 'joint1' is revolute and has no <limit>, it is used as continuous" in err
-    identified = load_arm(tmp_path / 'out/identified.urdf')
-    assert set(identified.joint_kinds) == {'continuous'}
+    assert set(load_arm(tmp_path / 'out/identified.urdf').joint_kinds) == {'continuous'}
     assert 'Residual on the cross-validation folds, RMS relative to the effort:' in printed
     assert 'none for the test' in printed
     assert 'nan' not in printed + (tmp_path / 'out' / 'identified.yaml').read_text()

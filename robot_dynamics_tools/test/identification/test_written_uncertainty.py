@@ -113,8 +113,7 @@ def test_the_interval_contains_95_percent_of_the_recorded_and_of_other_samples(m
 def test_the_noise_is_that_of_the_recording_behind_its_filter(cases):
     for found, values in cases:
         band = values['uncertainty.noise_bandwidth']
-        cutoff = found.recordings[0].facts.cutoff_hz
-        assert band == pytest.approx(0.898 * cutoff, rel=0.01)
+        assert band == pytest.approx(0.898 * found.recordings[0].facts.cutoff_hz, rel=0.01)
         # white noise at 100 Hz has a band of 50 Hz; the errors of the model add to it
         ratio = values['uncertainty.noise_deviation'] / (NOISE * np.sqrt(band / 50.0))
         assert ((ratio > 0.9) & (ratio < 1.5)).all()

@@ -47,8 +47,7 @@ def test_it_holds_and_is_pushed_and_reset(client, loop):
         states.wait_for(lambda state: np.abs(np.array(state.position) - START).max() > 0.02)
         push(client, '/mujoco/mujoco_arm', ZERO, 'link2')
         states.wait_for(lambda state: np.abs(np.array(state.position) - START).max() < 0.005)
-    answer = client.call(Trigger, '/mujoco/mujoco_arm/reset', Trigger.Request())
-    assert answer.success
+    assert client.call(Trigger, '/mujoco/mujoco_arm/reset', Trigger.Request()).success
 
 
 def test_invalid_messages_are_named_and_nothing_ends(client, loop):
