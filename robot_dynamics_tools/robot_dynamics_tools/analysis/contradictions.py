@@ -297,8 +297,7 @@ class _Test:
             yield f'the effort has the opposite sign at {listed}'
         if first in found:
             g = np.asarray(self.arm.pinocchio_model.gravity.linear)
-            change = np.array([found[first + axis] for axis in range(3)])
-            yield _of_gravity(g, g + change)
+            yield _of_gravity(g, g + np.array([found[first + axis] for axis in range(3)]))
         for j, name in enumerate(names):
             if first + 3 + j in found:
                 value, unit = found[first + 3 + j], 'm'

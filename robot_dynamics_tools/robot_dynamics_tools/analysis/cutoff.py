@@ -136,8 +136,7 @@ def spectrum(stretches: Sequence[FloatArray], rate_hz: float) -> tuple[FloatArra
     total = np.zeros((size // 2 + 1, stretches[0].shape[1]))
     for stretch in stretches:
         for start in range(0, len(stretch) - size + 1, max(size // 2, 1)):
-            piece = stretch[start:start + size]
-            total += np.abs(np.fft.rfft(window * piece, axis=0))**2
+            total += np.abs(np.fft.rfft(window * stretch[start:start + size], axis=0))**2
     return np.asarray(np.fft.rfftfreq(size, 1.0 / rate_hz), dtype=np.float64), total
 
 

@@ -35,8 +35,7 @@ def save_result(directory: Path, key: str, result: object) -> None:
         arrays[name] = value
         return {_ARRAY: name}
 
-    rest = json.dumps(result, default=stored)
-    arrays[_REST] = np.frombuffer(rest.encode(), np.uint8)
+    arrays[_REST] = np.frombuffer(json.dumps(result, default=stored).encode(), np.uint8)
     directory.mkdir(parents=True, exist_ok=True)
     unfinished = directory / f'{key}.{os.getpid()}.part'
     with unfinished.open('wb') as file:

@@ -138,8 +138,7 @@ class LiveMarkers:
         if command is None or abs(
                 seen.stamp_ns - stamp_from_ros(command.header.stamp)) > LARGEST_LAG_NS:
             return UncheckedArmDynamics(arm).rigid_body.gravity(seen.q)
-        given = JointStateReader(arm.joint_names).finite_effort(command)
-        effort = arm.given_drive.torque(given)
+        effort = arm.given_drive.torque(JointStateReader(arm.joint_names).finite_effort(command))
         return effort + model.robot_gravity(seen.q) if (
             model.convention.compensates_gravity) else effort
 

@@ -49,8 +49,7 @@ def estimate_from_bags(
     `when_read` is called after each recording. Recordings that fail are excluded. Raises
     RecordingError if all fail, InvalidInputError for a wrong link or parameter, and ModelError.
     """
-    arm = arm_from_parameters(settings.urdf, settings.parameters, ())
-    arm.link_frame(link, 'link')
+    arm_from_parameters(settings.urdf, settings.parameters, ()).link_frame(link, 'link')
     estimator: PayloadEstimator | None = None
     used: list[Path] = []
     remarks: list[str] = []

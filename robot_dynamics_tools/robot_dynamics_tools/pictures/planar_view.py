@@ -155,8 +155,7 @@ class PlanarView:
         g = np.asarray(self._model.gravity.linear)
         against = -(g - (g @ axis) * axis)
         size = max(float(np.linalg.norm(g)), 1.0)
-        has_gravity = float(np.linalg.norm(against)) > _PARALLEL * size
-        up = against if has_gravity else along
+        up = against if np.linalg.norm(against) > _PARALLEL * size else along
         up = up / np.linalg.norm(up)
         return Plane(np.cross(axis, up), up, axis)
 

@@ -310,8 +310,7 @@ def _duration(
     from robot_dynamics_tools.excitation.demo_motion import LIMIT_FRACTION, rest_to_rest_seconds
     if arguments.duration is not None:
         return check_scalar('--duration', arguments.duration, 0.0, exclusive_minimum=True)
-    limit = np.array([limits.get(name, math.inf) for name in names])
-    velocity = LIMIT_FRACTION * limit
+    velocity = LIMIT_FRACTION * np.array([limits.get(name, math.inf) for name in names])
     if arguments.velocity:
         given = joint_values(
             'velocity', arguments.velocity, names, dict(zip(names, velocity.tolist())))
