@@ -59,12 +59,6 @@ def imported_modules(path: Path) -> set[str]:
             - set(sys.stdlib_module_names) - OF_NEWER_PYTHON)
 
 
-def declared_in_manifest(package: str) -> set[str]:
-    """Return the packages that package.xml names as needed at run time."""
-    text = (PACKAGES[package] / 'package.xml').read_text(encoding='utf-8')
-    return set(re.findall(r'<(?:exec_)?depend>(.+?)</', text))
-
-
 IMPORTED = sorted({
     (package, module) for package, directory in PACKAGES.items()
     for path in [*(directory / package).rglob('*.py'), *(directory / 'launch').glob('*.py')]
@@ -74,7 +68,8 @@ IMPORTED = sorted({
 @pytest.mark.parametrize(('package', 'module'), IMPORTED)
 def test_every_import_is_declared(package, module):
     """A module has a package of ROS or a rosdep key in package.xml, or is in setup.py."""
-    assert (ROSDEP_KEYS.get(module, module) in declared_in_manifest(package)
+    manifest = (PACKAGES[package] / 'package.xml').read_text(encoding='utf-8')
+    assert (ROSDEP_KEYS.get(module, module) in re.findall(r'<(?:exec_)?depend>(.+?)</', manifest)
             or DISTRIBUTIONS.get(module, module) in required_by_setup(package)), module
 
 

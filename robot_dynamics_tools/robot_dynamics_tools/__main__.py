@@ -9,7 +9,6 @@ They need no ros2cli. Verbs that are tools start without ROS.
 # PYTHON_ARGCOMPLETE_OK
 
 from collections.abc import Sequence
-from functools import partial
 import sys
 
 from robot_dynamics.dependencies import require_ros
@@ -22,13 +21,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else list(argv)
     if words and is_tool(words[0], words[1:]):
         return run_tool_verb(words[0], words[1:])
-    return run_tool('dynamics', partial(_run, words))
 
+    def run() -> int:
+        require_ros('the tool')
+        from robot_dynamics_tools.ros2_dynamics.verbs import main as run_verb
+        return run_verb(words)
 
-def _run(argv: Sequence[str]) -> int:
-    require_ros('the tool')
-    from robot_dynamics_tools.ros2_dynamics.verbs import main as run_verb
-    return run_verb(argv)
+    return run_tool('dynamics', run)
 
 
 if __name__ == '__main__':

@@ -110,8 +110,7 @@ def add_recordings(
     parser.add_argument(
         'bags', nargs='+' if required else '*', type=Path, metavar='BAG',
         help='A rosbag2 directory, a .mcap or .db3 file, or a folder that contains any of these')
-    add_robot(
-        parser, '--urdf', urdf_default, 'FILE_OR_PACKAGE', required and urdf_default is None)
+    add_robot(parser, '--urdf', urdf_default, 'FILE_OR_PACKAGE', required and urdf_default is None)
     parser.add_argument(
         '--topic', metavar='NAME_OR_TYPE',
         help='Topic of the joint states, or the type sensor_msgs/msg/JointState if only one topic '
@@ -231,7 +230,6 @@ def number_in(
         except ValueError:
             value = math.nan
         if not low <= value <= high:
-            raise argparse.ArgumentTypeError(
-                f'{text!r}, expected a number in [{low:g}, {high:g}]')
+            raise argparse.ArgumentTypeError(f'{text!r}, expected a number in [{low:g}, {high:g}]')
         return value
     return number

@@ -9,16 +9,7 @@ import numpy as np
 import pytest
 from robot_dynamics.control.safety.ending import Ending
 from robot_dynamics.control.safety.supervisor import CommandSupervisor, Mode
-from supervised import (
-    answer,
-    HOLD,
-    PERIOD,
-    PUSH,
-    RELEASE,
-    running,
-    START,
-    TROUBLE,
-)
+from supervised import answer, HOLD, PERIOD, PUSH, RELEASE, running, START, TROUBLE
 
 
 def braking(**options: Any) -> CommandSupervisor:

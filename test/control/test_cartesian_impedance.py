@@ -40,11 +40,6 @@ def random_pose(arm: ArmModel, seed: int) -> np.ndarray:
     return np.random.default_rng(seed).uniform(lower, upper)
 
 
-def is_regular(J: np.ndarray) -> bool:
-    scaled = np.diag([4.0] * 3 + [1.0] * 3) @ J
-    return len(J.T) >= 6 and np.linalg.svd(scaled)[1][5] > REGULAR
-
-
 @arms
 @few
 @seeds
@@ -54,9 +49,9 @@ def test_the_frame_has_the_stiffness_and_the_posture_does_not_move_it(robot, see
     q, kt = random_pose(arm, seed), [300.0, 500.0, 700.0]
     law = law_of(arm, translation_stiffness=kt)
     state = TaskSpace(arm, last_link(arm)).at(q)
-    if not is_regular(state.jacobian):
-        return
     J, M = state.jacobian, state.mass_matrix
+    if len(q) < 6 or np.linalg.svd(np.diag([4.0] * 3 + [1.0] * 3) @ J)[1][5] <= REGULAR:
+        return
     K, D = law.gains(UncheckedArmDynamics(arm), q)
     compliance = J @ np.linalg.solve(K, J.T)
     assert compliance == pytest.approx(np.diag(1.0 / np.array([*kt, 30.0, 30.0, 30.0])), abs=1e-6)
@@ -185,10 +180,6 @@ def test_the_springs_extend_by_a_tenth_of_a_metre_and_half_a_radian():
         assert np.linalg.norm(wrench[part]) == pytest.approx(limit, rel=1e-3)
 
 
-def largest_rise(energy: np.ndarray) -> float:
-    return float((energy - np.minimum.accumulate(energy)).max())
-
-
 @pytest.mark.parametrize(('robot', 'stiffness', 'rotors'), [
     ('panda', 1e6, False), ('z1', 1e5, True),
     *(pytest.param(robot, 1e6, True, marks=pytest.mark.soak) for robot in ROBOTS)])
@@ -196,7 +187,7 @@ def test_late_contact_with_a_wall_hardly_gains_energy(robot, stiffness, rotors):
     """At 250 Hz with 8 ms, without any friction."""
     one = CartesianArm(robot, 250, 8, rotors)
     energy = one.press_on_a_wall(stiffness, (1.0, 1.0, 3.0))
-    assert largest_rise(energy) <= 0.06
+    assert (energy - np.minimum.accumulate(energy)).max() <= 0.06  # the largest rise
     assert energy[-1] < 0.5**2 + 0.06  # that of the spring at the wall, and a rest
     assert one.controller.laws.oscillation.factor > 0.48  # at most two doubts
 

@@ -78,8 +78,7 @@ def test_wrapped_angles_are_whole_turns_away_and_within_half_a_turn(angle):
 
 
 def test_only_continuous_joints_take_the_shortest_angular_distance():
-    feedback = ErrorFeedback(
-        make_gains(NAMES), ('continuous', 'revolute', 'prismatic'))
+    feedback = ErrorFeedback(make_gains(NAMES), ('continuous', 'revolute', 'prismatic'))
     reference, q = np.array([3.0, 3.0, 30.0]), np.array([-3.0, -3.0, -30.0])
     error = feedback.position_error(reference, q)
     assert error == pytest.approx([6.0 - 2.0 * np.pi, 6.0, 60.0])

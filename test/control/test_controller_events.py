@@ -3,18 +3,7 @@
 
 """Events of the controller between two states: stops, lost states, faults, shifted time."""
 
-from controller_bench import (
-    ARM,
-    LOAD,
-    make_controller,
-    NAMES,
-    NOW,
-    Q,
-    SECOND,
-    update,
-    V,
-    ZERO,
-)
+from controller_bench import ARM, LOAD, make_controller, NAMES, NOW, Q, SECOND, update, V, ZERO
 import numpy as np
 import pytest
 from robot_dynamics.control.braking import braked
@@ -124,8 +113,7 @@ def test_a_set_point_with_a_velocity_is_followed_until_the_timeout(timeout):
     one.follow(make_trajectory(NAMES, [0.0], [ZERO], [[0.2, 0.0]], (), NAMES), 0)
     velocities = []
     for ms in (200, 400, 5000):
-        reference = update(one, NOW + ms * MS, ZERO, ZERO).reference
-        velocities.append(reference.velocity[0])
+        velocities.append(update(one, NOW + ms * MS, ZERO, ZERO).reference.velocity[0])
     assert velocities[0] > 0.15
     assert (velocities[1] > 0.15) == (timeout == 0.4)
     assert velocities[2] == 0.0

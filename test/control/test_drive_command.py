@@ -82,8 +82,7 @@ def test_the_drive_turns_the_command_and_what_the_robot_adds_into_the_torque(rob
     if 'friction' in robot:
         friction = controller(FRICTION, ())  # the same reference without a drive
         follow(friction, Q, V)
-        terms = update(friction, NOW + 1, Q, V).terms
-        added += terms.friction
+        added += update(friction, NOW + 1, Q, V).terms.friction
     assert drive.torque(output.command + added) == pytest.approx(output.computed_torque)
     # the terms are those of the torque that the command causes
     assert drive.torque(output.command) == pytest.approx(output.terms.effort)

@@ -9,11 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control.safety.effort_bounds import (
-    EffortBounds,
-    NOTHING,
-    RobotEffort,
-)
+from robot_dynamics.control.safety.effort_bounds import EffortBounds, NOTHING, RobotEffort
 
 LIMIT = np.array([10.0, 40.0, np.inf])
 FAR = 1e6

@@ -105,8 +105,7 @@ WRONG: dict[str, Callable[[FloatArray], FloatArray]] = {
 @FEW
 @given(kind=st.sampled_from([*WRONG]), speed=st.floats(0.3, 2.0), rate=rates,
        at=st.floats(0.1, 2.1), sign=signs)
-def test_a_wrong_velocity_is_not_used_until_it_is_right_for_1_s(
-        kind, speed, rate, at, sign):
+def test_a_wrong_velocity_is_not_used_until_it_is_right_for_1_s(kind, speed, rate, at, sign):
     """
     Of the second joint, faster than 0.15 rad/s; the first one is not doubted.
 

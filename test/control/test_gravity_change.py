@@ -111,12 +111,10 @@ def test_a_robot_that_compensates_along_its_own_gravity():
     output = update(one, STEP_NS, Q, np.zeros(6))
     assert output.gravity_compensation == pytest.approx(gravity_torque(WALL), abs=1e-12)
     assert output.robot_gravity == pytest.approx(gravity_torque(FLOOR), abs=1e-12)
-    assert output.command + output.robot_gravity == pytest.approx(
-        gravity_torque(WALL), abs=1e-12)
+    assert output.command + output.robot_gravity == pytest.approx(gravity_torque(WALL), abs=1e-12)
     true = controller(robot_gravity=())
     true.set_gravity(np.array(WALL), math.inf)
-    command = update(true, 0, Q, np.zeros(6)).command
-    assert command == pytest.approx(0.0, abs=1e-12)
+    assert update(true, 0, Q, np.zeros(6)).command == pytest.approx(0.0, abs=1e-12)
 
 
 def test_energy_of_a_change_of_gravity_counts_as_work():

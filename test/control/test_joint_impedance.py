@@ -58,8 +58,7 @@ def test_every_mode_is_critically_damped_and_none_is_too_fast(name, seed, stiffn
     wanted = np.linalg.eigvals(np.linalg.solve(M, stiffness * np.eye(len(q)))).real
     squares, modes = np.linalg.eig(np.linalg.solve(M, K))
     omega = np.sqrt(squares.real)
-    assert np.sort(omega) == pytest.approx(
-        np.sort(np.minimum(np.sqrt(wanted), 30.369)), rel=1e-3)
+    assert np.sort(omega) == pytest.approx(np.sort(np.minimum(np.sqrt(wanted), 30.369)), rel=1e-3)
     assert (np.linalg.eigvalsh(K) <= stiffness * (1.0 + 1e-4)).all()
     assert pytest.approx(K.T, abs=1e-4 * stiffness) == K
     assert np.linalg.solve(M, D) @ modes == pytest.approx(

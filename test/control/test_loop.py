@@ -74,8 +74,7 @@ def test_after_a_fault_the_arm_stops_and_is_held(name, cause):
     assert one.loop.supervisor.fault_count == 1 or cause != 'fault'
     assert (np.abs(trace.v) <= 1.2 * one.arm.limits.velocity).all()
     assert rests(trace)
-    reference = one.loop.reference
-    assert reference.position == pytest.approx(one.q, abs=1e-3)
+    assert one.loop.reference.position == pytest.approx(one.q, abs=1e-3)
     one.follow(goal)
     assert one.run(2.5).q[-1] == pytest.approx(goal, abs=1e-3)
     assert one.loop.goals.interruption == ''
@@ -174,8 +173,7 @@ def test_a_state_without_a_finite_effort_is_a_latched_fault():
 
 def test_an_inactive_loop_answers_without_an_effort():
     loop = ControlLoop.of_arm(arm_named('default'))
-    inactive = ControlLoop(
-        loop.controller, loop.supervisor.limiter.limits, SafetyOptions())
+    inactive = ControlLoop(loop.controller, loop.supervisor.limiter.limits, SafetyOptions())
     answer = inactive.answer(FIRST_STAMP, Q, 0.0 * Q)
     assert answer.effort is None
     assert answer.output.command is not None  # what would be commanded

@@ -4,16 +4,7 @@
 """The control loop with wrong velocities, which are not used, and frozen joints, in lock-step."""
 
 from bristled_arm import BristledArm, Case
-from lock_step_loop import (
-    directions,
-    FIRST_STAMP,
-    frozen,
-    LockStep,
-    MS,
-    Sensor,
-    smooth_arm,
-    Trace,
-)
+from lock_step_loop import directions, FIRST_STAMP, frozen, LockStep, MS, Sensor, smooth_arm, Trace
 from loop_motions import arm_named, in_motion, place, Q, rests
 import numpy as np
 import pytest

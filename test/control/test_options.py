@@ -29,10 +29,8 @@ def test_the_following_error_is_limited_to_the_way_at_full_speed_in_three_tenths
 
 def test_an_effort_may_reach_its_limit_in_a_tenth_of_a_second():
     """A joint without a limit has 1000 N·m/s."""
-    limits = default_limits(smooth_arm('default'))
-    assert limits.rate.tolist() == [1500.0, 600.0]
-    unlimited = load_arm(re.sub(
-        '<limit[^>]*/>', '', planar_arm_urdf([1.0], [1.0], [0.5], [0.1])))
+    assert default_limits(smooth_arm('default')).rate.tolist() == [1500.0, 600.0]
+    unlimited = load_arm(re.sub('<limit[^>]*/>', '', planar_arm_urdf([1.0], [1.0], [0.5], [0.1])))
     assert default_limits(unlimited).rate.tolist() == [1000.0]
     assert default_options(unlimited).effort_rate.tolist() == [1000.0]
 

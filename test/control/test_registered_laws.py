@@ -10,15 +10,14 @@ docs/control_laws.md. All run with the default parameters of
 """
 
 from collections.abc import Mapping
-from functools import cache
 
-from lock_step_loop import LockStep, smooth_arm, Trace
+from lock_step_loop import LockStep, Trace
+from loop_motions import arm_named
 import numpy as np
 from page_law import page_law
 import pytest
 from robot_dynamics.control.laws.control_law import ControlLaw
 from robot_dynamics.control.laws.law_table import all_laws, LAWS
-from robot_dynamics.model.arm import ArmModel
 
 REGISTERED: Mapping[str, type[ControlLaw]] = {**all_laws(), 'spring': page_law()}
 AT_REST = 1e-3
@@ -31,16 +30,10 @@ grid = pytest.mark.parametrize(('arm_name', 'rate'), [
     pytest.param('panda', 1000.0, marks=pytest.mark.soak)])
 
 
-@cache
-def arm_named(name: str) -> ArmModel:
-    return smooth_arm(name)
-
-
 def disturbed(one: LockStep, size: float, seconds: float) -> Trace:
     """Start at rest; then move the reference of all joints by `size` [rad] in one step."""
     rng = np.random.default_rng(0)
-    one.sensor = lambda q, v: tuple(
-        x + rng.normal(0.0, 1e-7, len(x)) for x in (q, v))
+    one.sensor = lambda q, v: tuple(x + rng.normal(0.0, 1e-7, len(x)) for x in (q, v))
     trace = one.run(0.5)
     assert trace.speed.max() < AT_REST
     if one.loop.controller.laws.follows:
@@ -48,9 +41,7 @@ def disturbed(one: LockStep, size: float, seconds: float) -> Trace:
     return one.run(seconds)
 
 
-def run(
-    arm_name: str, rate: float, size: float, seconds: float, **options: object,
-) -> Trace:
+def run(arm_name: str, rate: float, size: float, seconds: float, **options: object) -> Trace:
     """Return the motion with a delay of one period and more, in ms."""
     one = LockStep(
         arm_named(arm_name), rate=rate, delay=round(1e3 / rate),

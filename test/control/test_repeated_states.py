@@ -30,8 +30,7 @@ def efforts(
     q, v = np.array([0.8, 0.5]), np.array([0.3, -0.2]) if moves else np.zeros(2)
     for k in range(count):
         if k == goal_at:
-            loop.follow(quintic_point_to_point(
-                ARM.joint_names, [0.8, 0.5], [1.0, 0.7], 1.0))
+            loop.follow(quintic_point_to_point(ARM.joint_names, [0.8, 0.5], [1.0, 0.7], 1.0))
         q = q + 1e-3 * PERIOD * v
         noise = rng.normal(0.0, 1e-4, 2), rng.normal(0.0, 1e-3, 2)
         for _ in range(1 + repeats.get(k, 0)):

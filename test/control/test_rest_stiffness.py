@@ -61,8 +61,7 @@ def test_rotors_and_scaled_gains_are_part_of_the_stiffness():
 
 
 def test_without_friction_no_error_is_known_and_without_computed_torque_nothing_is_known():
-    free = rest_stiffness(held(friction=False).controller)
-    assert np.isnan(free.friction_error).all()
+    assert np.isnan(rest_stiffness(held(friction=False).controller).friction_error).all()
     assert rest_stiffness(held(command='gravity_compensation').controller) is None
     assert rest_stiffness(ControlLoop.of_arm(smooth_arm('default')).controller) is None
 

@@ -15,9 +15,7 @@ START = np.array([0.7, 0.5])
 GOAL = np.array([0.8, 0.7])
 
 
-def rests_at(
-    position: np.ndarray, patience: float = 0.51,
-) -> str:
+def rests_at(position: np.ndarray, patience: float = 0.51) -> str:
     """Return the shortfall of an arm that rests at a position `patience` [s] after its motion."""
     arm = smooth_arm('default')
     loop = ControlLoop.of_arm(arm)

@@ -11,11 +11,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.gains.gain_scaling import (
-    loop_gains,
-    LoopGains,
-    StableGains,
-)
+from robot_dynamics.control.gains.gain_scaling import loop_gains, LoopGains, StableGains
 from robot_dynamics.control.laws.computed_torque import ComputedTorque
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
 from robot_dynamics.control.options import ControllerOptions

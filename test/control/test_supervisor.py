@@ -155,8 +155,7 @@ def test_three_faults_of_the_motion_within_ten_seconds_wait_for_a_reset(
         assert one.standing_fault is TROUBLE
         answer(one, now + 0.2)
         assert one.standing_fault is not None
-    assert one.reset() == (
-        True, f'reset {names[-1]}: words; 3 faults of the motion within 10 s')
+    assert one.reset() == (True, f'reset {names[-1]}: words; 3 faults of the motion within 10 s')
     assert one.standing_fault is None
     fails(one, now + 0.3, 'overspeed')
     assert one.standing_fault is None

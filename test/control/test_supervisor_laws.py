@@ -7,12 +7,11 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import initialize, invariant, rule, RuleBasedStateMachine
 import numpy as np
-from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.control.safety.ending import Ending
 from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import CommandSupervisor, Mode
-from supervised import NAMES, RELEASE, RELEASE_NOW
+from supervised import limits, NAMES, RELEASE, RELEASE_NOW
 
 REACH, LARGEST = 1.0, 100.0
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
@@ -34,17 +33,12 @@ options = st.builds(
 rates = st.sampled_from([10.0, 1000.0, 1e6])
 
 
-def limits(rate: float) -> EffortLimits:
-    return EffortLimits(
-        np.full(2, -REACH), np.full(2, REACH), np.full(2, 2.0), rate)
-
-
 class Supervised(RuleBasedStateMachine):
     """One supervisor, and a model of the knowledge and expectations of an observer."""
 
     @initialize(rate=rates, chosen=options)
     def begin(self, rate: float, chosen: SafetyOptions) -> None:
-        self.one = CommandSupervisor(NAMES, limits(rate), chosen)
+        self.one = CommandSupervisor(NAMES, limits(rate, REACH, 2.0), chosen)
         self.rate = rate
         self.longest_timeout = chosen.state_timeout  # that of the last good state in a fault
         self.now = self.sent_at = 0.0
@@ -89,8 +83,7 @@ class Supervised(RuleBasedStateMachine):
         silent_before = self.one.mode in (Mode.INACTIVE, Mode.WAITING)
         since = self.now + pause - self.sent_at
         self.now += pause
-        effort = self.one.answer(
-            self.now, q, v, command, lambda: hold, since if stamped else None)
+        effort = self.one.answer(self.now, q, v, command, lambda: hold, since if stamped else None)
         self.receives(effort, hold)
         assert self.one.mode is not Mode.WAITING
         if silent_before and (np.abs(q) > REACH + 0.0087).any():
@@ -165,7 +158,7 @@ class Supervised(RuleBasedStateMachine):
 
     @rule(rate=rates, chosen=options)
     def other_options(self, rate: float, chosen: SafetyOptions) -> None:
-        self.one.set_options(limits(rate), chosen)
+        self.one.set_options(limits(rate, REACH, 2.0), chosen)
         self.rate = rate
         self.longest_timeout = max(self.longest_timeout, chosen.state_timeout)
 

@@ -149,9 +149,7 @@ def stopping() -> LockStep:
     vibrates=st.booleans())
 @example(500.0, 0.0195, 0.0, False)
 @example(500.0, 0.0205, 0.0, False)
-def test_a_joint_is_at_rest_if_it_moves_less_than_0_4_mrad_in_20_ms(
-    rate, speed, phase, vibrates,
-):
+def test_a_joint_is_at_rest_if_it_moves_less_than_0_4_mrad_in_20_ms(rate, speed, phase, vibrates):
     """A joint that creeps, or one that is where it was 20 ms ago but has moved meanwhile."""
     bench = stopping()
     goal = TrajectoryGoal(bench.loop.controller, tight(bench))

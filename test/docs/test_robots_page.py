@@ -70,8 +70,7 @@ DRIVERS = {
 }
 """Of Piper the joint states that a relay has completed."""
 SPECS = {spec.name: spec for spec in (*SIMULATED_ARM_SPECS, *DYNAMICS_SPECS)}
-COMPENSATING = {
-    'ur.yaml', 'franka_fr3.yaml', 'franka_panda.yaml', 'kuka_lbr.yaml', 'yam.yaml'}
+COMPENSATING = {'ur.yaml', 'franka_fr3.yaml', 'franka_panda.yaml', 'kuka_lbr.yaml', 'yam.yaml'}
 RUN = ('ros2_control.yaml', 'ur.yaml', 'kuka_lbr.yaml')
 """A gripper, another order of the joints without effort, and a generated chain."""
 
@@ -120,16 +119,11 @@ def test_files_are_valid_command_nothing_and_tune_nothing(file):
     assert set(joints_of(file)) <= set(DRIVERS[file].names)
 
 
-def publish_now(client: RosClient, states: Any, message: JointState) -> None:
-    """Publish the message with the present time."""
-    message.header.stamp = client.node.get_clock().now().to_msg()
-    states.publish(message)
-
-
 def answer(client: RosClient, states: Any, message: JointState, answers: Collector) -> JointState:
     """Publish the message with the present time until it is answered; return the answer."""
     def is_answered() -> bool:
-        publish_now(client, states, message)
+        message.header.stamp = client.node.get_clock().now().to_msg()
+        states.publish(message)
         return answers.find(has_stamp(message.header.stamp), 0.5) is not None
 
     wait_until(is_answered, 'effort for the joint states of the driver')
@@ -148,8 +142,7 @@ def running(file: str) -> NodeProcess:
     file, marks=() if file in RUN else pytest.mark.soak) for file in DRIVERS])
 def test_the_node_runs_on_the_file(client, file):
     """It publishes g(q) for the joints of the file and joint states as the driver sends them."""
-    driver = DRIVERS[file]
-    message = driver.message()
+    message = DRIVERS[file].message()
     with running(file), \
             client.collect(JointState, f'{NODE}/gravity_compensation') as efforts, \
             client.collect(JointState, '/cell/effort_command') as commands:

@@ -14,8 +14,7 @@ from robot_dynamics.ros.dynamics.parameters import SAFETY_SPECS, SPECS
 DOCS = Path(__file__).parents[2] / 'docs'
 PAGES = (
     'safety.md', 'command.md', 'joint_states.md', 'gains.md', 'contacts.md', 'external_effort.md')
-TEXT = ''.join(
-    (DOCS / name).read_text(encoding='utf-8') for name in PAGES)
+TEXT = ''.join((DOCS / name).read_text(encoding='utf-8') for name in PAGES)
 
 
 def tables() -> Iterator[list[dict[str, str]]]:
@@ -24,13 +23,6 @@ def tables() -> Iterator[list[dict[str, str]]]:
         lines = [[cell.strip() for cell in line.strip('|').split('|')]
                  for line in block.splitlines()]
         yield [dict(zip(lines[0], cells)) for cells in lines[2:]]
-
-
-def quoted_defaults() -> list[tuple[str, str]]:
-    """Return parameters and their defaults on the page; `[]` for a default without a literal."""
-    return [
-        (row['parameter'].strip('`'), [*re.findall('`([^`]*)`', row['default']), '[]'][0])
-        for table in tables() for row in table if row.get('parameter') and 'default' in row]
 
 
 # --- the faults ----------------------------------------------------------------------------------
@@ -46,7 +38,9 @@ def test_every_row_has_a_result_none_failed_and_the_readme_states_their_number()
 
 def test_every_default_that_is_quoted_is_that_of_the_node():
     defaults = {spec.name: spec.default for spec in SPECS}
-    quoted = quoted_defaults()
+    quoted = [  # `[]` for a default without a literal
+        (row['parameter'].strip('`'), [*re.findall('`([^`]*)`', row['default']), '[]'][0])
+        for table in tables() for row in table if row.get('parameter') and 'default' in row]
     assert len(quoted) >= 6
     for name, default in quoted:
         value = defaults[name]

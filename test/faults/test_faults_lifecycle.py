@@ -200,8 +200,7 @@ def test_what_fails_and_is_corrected(client, file, other):
     assert not other.change(CONFIGURE)
     other.node.wait_for_log(r'Not configured: gains\.natural_frequency has 3 values, expected 2')
     assert other.state() == 'unconfigured'
-    client.set_parameters(
-        '/faults_corrected/dynamics', {'gains.natural_frequency': [10.0, 10.0]})
+    client.set_parameters('/faults_corrected/dynamics', {'gains.natural_frequency': [10.0, 10.0]})
     assert other.change(CONFIGURE)
     other.check_answers()
     other.check_silent()

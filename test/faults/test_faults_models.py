@@ -22,8 +22,7 @@ PARAMETERS = {'hold_time': 0.1, 'ramp_time': 0.1, 'effort_rate_limit': 1e6}
 
 def arm_of(mass: float) -> str:
     """Return an arm named after the mass [kg] of its second link."""
-    return planar_arm_urdf(
-        [5.0, mass], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], name=f'arm_{mass:g}')
+    return planar_arm_urdf([5.0, mass], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], name=f'arm_{mass:g}')
 
 
 def hold_of(xml: str) -> list[float]:
@@ -46,8 +45,7 @@ def describe(client: RosClient) -> Iterator[Describe]:
 def bench(client: RosClient, describe: Describe) -> Iterator[LifecycleBench]:
     """Return a node that uses the light arm, from the topic; tests restore its state."""
     describe(LIGHT)
-    with lifecycle_bench(
-            client, '/faults_models', PARAMETERS, hold_of(LIGHT)) as one:
+    with lifecycle_bench(client, '/faults_models', PARAMETERS, hold_of(LIGHT)) as one:
         one.node.wait_for_log("Model 'arm_2'")
         yield one
 
@@ -151,11 +149,9 @@ def test_the_embedded_arm_gives_way_at_once(client):
         publish(HEAVY)
         one.efforts.wait_for(
             lambda message: np.allclose(message.effort, hold_of(HEAVY), atol=1e-6))
-        sent = one.efforts.published()
-        assert sent[0][1].effort == pytest.approx(G, abs=1e-6)
+        assert one.efforts.published()[0][1].effort == pytest.approx(G, abs=1e-6)
         for before, after in one.efforts.in_a_row():
-            dt = 1e-9 * (
-                nanoseconds_of(after.header.stamp) - nanoseconds_of(before.header.stamp))
+            dt = 1e-9 * (nanoseconds_of(after.header.stamp) - nanoseconds_of(before.header.stamp))
             change = np.abs(np.subtract(after.effort, before.effort)).max()
             assert change <= 2.0 * rate * max(dt, LONGEST_STEP)
         assert 'Kept the model' not in one.node.log

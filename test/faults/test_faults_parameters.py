@@ -29,8 +29,7 @@ REFUSED = 'rejected with name, value and expectation; the old value stays; contr
 NAN, INF = float('nan'), float('inf')
 CHANGEABLE = [spec for spec in SPECS if not spec.read_only]
 NUMBERS = [spec for spec in CHANGEABLE if spec.kind in (Type.DOUBLE, Type.DOUBLE_ARRAY)]
-ARRAYS = [
-    spec for spec in NUMBERS if spec.kind is Type.DOUBLE_ARRAY and spec.name != 'gravity']
+ARRAYS = [spec for spec in NUMBERS if spec.kind is Type.DOUBLE_ARRAY and spec.name != 'gravity']
 """Parameters with one value per joint."""
 CHOICES = [spec for spec in CHANGEABLE if spec.choices]
 

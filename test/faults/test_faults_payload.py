@@ -4,7 +4,7 @@
 """Payloads that are set, removed or rejected while the node commands."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -60,8 +60,7 @@ def test_a_payload_at_once(bench, seen):
     assert set_payload(bench, MASS).success
     wait_effort(bench, LOADED)
     assert set_payload(bench, 0.0).success
-    wait_until(
-        lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'g(q) alone')
+    wait_until(lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'g(q) alone')
     check_rate(bench.efforts)
     seen(f'from {G[0]:.0f} to {LOADED[0]:.0f} N·m')
 
@@ -92,14 +91,9 @@ def test_an_invalid_payload(bench, request_, reported):
     assert all(m.effort == pytest.approx(G, abs=1e-6) for m in bench.efforts.messages)
 
 
-@contextmanager
-def permitted(bench: FaultBench) -> Iterator[None]:
+def permitted(bench: FaultBench) -> AbstractContextManager[None]:
     """Let the node accept any physical payload."""
-    bench.set_parameters(ignore_checks=['payload'])
-    try:
-        yield
-    finally:
-        bench.set_parameters(ignore_checks=['density'])
+    return bench.temporarily({'ignore_checks': ['density']}, ignore_checks=['payload'])
 
 
 def wait_payloads(bench: FaultBench, words: str) -> DiagnosticStatus:

@@ -3,8 +3,6 @@
 
 """Faults during references: stream timeouts."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 from builtin_interfaces.msg import Duration
@@ -33,16 +31,6 @@ def rest(bench: FaultBench) -> None:
     bench.check_alive()
 
 
-@contextmanager
-def short_timeout(bench: FaultBench) -> Iterator[None]:
-    """Set `reference_timeout` to `TIMEOUT`, so that a stream without new set-points times out."""
-    bench.set_parameters(reference_timeout=TIMEOUT)
-    try:
-        yield
-    finally:
-        bench.set_parameters(**NEVER)
-
-
 def is_gravity(message: Any) -> bool:
     """Return whether a command is g(q)."""
     return bool(np.allclose(message.effort, G, atol=1e-6))
@@ -58,9 +46,12 @@ def test_a_stream_that_pauses(bench):
             bench.efforts.clear()
             bench.efforts.wait_for(lambda message: not is_gravity(message))
             wait_until(lambda: stream.sent >= 10, 'ten set-points')
-        bench.wait_message('reference', 'following')
-        with short_timeout(bench):
-            status = bench.wait_figure('reference', 'streams that paused', paused)
+            bench.wait_message('reference', 'following')
+            bench.set_parameters(reference_timeout=TIMEOUT)
+            # the timeout changes with the next set-point
+            wait_until(lambda sent=stream.sent: stream.sent > sent + 1, 'two set-points')
+        status = bench.wait_figure('reference', 'streams that paused', paused)
+        bench.set_parameters(**NEVER)
         assert status.level == DiagnosticStatus.WARN
         assert status.message == (
             'ended early: the stream of set-points paused for more than reference_timeout')

@@ -188,8 +188,7 @@ def callback_of(node: Node, topic: str) -> Callable[[Any], None]:
 def answer_of(node: Node, name: str, request: Any) -> Any:
     """Return the response of a service as its client gets it; raise RefusalError if rejected."""
     service = service_of(node, name)
-    response = over_the_wire(
-        service.callback(over_the_wire(request), service.srv_type.Response()))
+    response = over_the_wire(service.callback(over_the_wire(request), service.srv_type.Response()))
     if not response.success:
         refusal = service.srv_type.Response(message=response.message)
         assert response == refusal, 'fields of a rejection are filled in'
@@ -209,7 +208,6 @@ def check_lengths(service: str, request: Any, response: Any, arm: ArmModel) -> N
             'mass_matrix': n**2, 'gravity': n,
             'christoffel': n**3 if getattr(request, 'include_christoffel', False) else 0}}
     if service == 'inverse_dynamics_batch':
-        lengths[service] = {
-            'effort': len(request.position) // (len(request.joint_names) or n) * n}
+        lengths[service] = {'effort': len(request.position) // (len(request.joint_names) or n) * n}
     for field, length in lengths.get(service, {}).items():
         assert len(getattr(response, field)) == length, field

@@ -67,8 +67,7 @@ def spoiled_vectors(draw: Draw, length: int) -> list[float]:
         values = draw(good_vectors(length))
         values[draw(st.integers(0, length - 1))] = draw(wild_numbers)
         return values
-    return draw(st.lists(
-        st.one_of(small_numbers, wild_numbers), max_size=min(2 * length + 1, 12)))
+    return draw(st.lists(st.one_of(small_numbers, wild_numbers), max_size=min(2 * length + 1, 12)))
 
 
 @cache
@@ -167,8 +166,7 @@ def stamps(draw: Draw) -> Time:
                 nanosec=draw(st.integers(0, MAX_UINT32)))
 
 
-_vectors3 = mostly(
-    good_vectors(3), st.tuples(small_numbers, wild_numbers, small_numbers), 0.95)
+_vectors3 = mostly(good_vectors(3), st.tuples(small_numbers, wild_numbers, small_numbers), 0.95)
 _masses = mostly(st.floats(0.0, 5.0), wild_numbers)
 
 
@@ -238,8 +236,7 @@ def _times(count: int) -> st.SearchStrategy[list[Duration]]:
         random = Random(ticket)
         steps = [random.choice((0, 0, 1, 10**9)), *(
             random.randint(10**6, 10**10) for _ in range(count - 1))]
-        return [Duration(sec=at // 10**9, nanosec=at % 10**9)
-                for at in accumulate(steps[:count])]
+        return [Duration(sec=at // 10**9, nanosec=at % 10**9) for at in accumulate(steps[:count])]
 
     whatever = st.builds(
         Duration, sec=st.integers(-MAX_INT32 - 1, MAX_INT32), nanosec=st.integers(0, MAX_UINT32))

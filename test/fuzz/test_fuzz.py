@@ -38,8 +38,7 @@ Shares: a test whose inputs all end at the first check, or at none, tests nothin
 
 Of random joint states, those far from the last place are dropped until five are near each other.
 """
-SLOW_MACHINE = (
-    HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.large_base_example)
+SLOW_MACHINE = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.large_base_example)
 Inputs = st.SearchStrategy[tuple[Any, ...]]
 Taker = Callable[[RunningNodes], Callable[..., None]]
 """What gives, for the running nodes, the function that takes an input."""

@@ -30,8 +30,7 @@ def motor(**changes: list[float]) -> Actuators:
 
 
 def one_link(actuators: Actuators | None = None) -> ArmModel:
-    arm = load_arm(
-        planar_arm_urdf([MASS], [1.0], [COM], [INERTIA]), gravity=(0.0, 0.0, 0.0))
+    arm = load_arm(planar_arm_urdf([MASS], [1.0], [COM], [INERTIA]), gravity=(0.0, 0.0, 0.0))
     return arm if actuators is None else arm.with_actuators(actuators)
 
 

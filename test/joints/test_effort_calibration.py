@@ -132,8 +132,7 @@ def test_the_covariance_of_the_torque_is_that_of_drawn_drives():
     C = covariance_of([1e-3, 2e-3, 1e-3, 0.05, 0.1, 0.02])
     assert not drive().torque_error_covariance().any()
     known = make_effort_calibration(NAMES, [0.7, 1.3, 1.0], [1.0, -2.0, 0.0], LIMIT, C)
-    drawn = np.random.default_rng(1).multivariate_normal(
-        [*known.scale, *known.offset], C, 20_000)
+    drawn = np.random.default_rng(1).multivariate_normal([*known.scale, *known.offset], C, 20_000)
     effort = np.array([8.0, -20.0, 5.0])
     tau = known.torque(effort)
     errors = drawn[:, :3] * (effort - drawn[:, 3:]) - tau

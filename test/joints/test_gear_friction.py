@@ -111,8 +111,7 @@ def test_after_a_turn_the_sign_changes_over_twice_the_distance():
     assert np.abs(z).max() <= 1.0
     turn = int(np.argmax(q[:, 0]))
     moved = q[turn, 0] - q[turn:turn + 600, 0]
-    assert z[turn:turn + 600, 0] == pytest.approx(
-        np.maximum(1.0 - moved / 0.01, -1.0), abs=1e-9)
+    assert z[turn:turn + 600, 0] == pytest.approx(np.maximum(1.0 - moved / 0.01, -1.0), abs=1e-9)
     # with zero presliding distance it is the smooth sign of velocity
     assert z[:, 1] == pytest.approx(np.tanh(v[:, 1] / 0.01), abs=1e-12)
 

@@ -4,9 +4,10 @@
 """Derivatives and the discrete model against central differences."""
 
 from collections.abc import Callable
+from functools import partial
 
 from engine_cases import with_other_relations
-from largest_error import assert_small
+import largest_error
 import numpy as np
 import numpy.typing as npt
 from optional_library import library
@@ -24,7 +25,7 @@ from robots import robot_urdf
 
 pytestmark = pytest.mark.usefixtures('largest_error')
 Array = npt.NDArray[np.float64]
-TOLERANCE = 1e-6
+assert_near = partial(largest_error.assert_near, 1e-6)
 SMOOTHING_VELOCITY = 0.01
 """Width [rad/s] of the smooth sign of dry friction."""
 
@@ -53,11 +54,6 @@ def differences(function: Callable[[Array], Array], x: Array, h: float = 1e-6) -
         one, two = (function(x + k * e) - function(x - k * e) for k in (1, 2))
         columns.append((8.0 * one - two) / (12.0 * h))
     return np.array(columns).T
-
-
-def assert_near(actual: Array, expected: Array, what: str) -> None:
-    error = float(np.abs(actual - expected).max() / np.abs(expected).max())
-    assert_small(error, TOLERANCE, what)
 
 
 def smooth_effort(arm: ArmModel, wrenches: list[ExternalWrench]) -> Callable[..., Array]:

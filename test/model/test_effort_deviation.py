@@ -36,8 +36,7 @@ def arm_with(bare, phi, rotors, friction):
     """Return an arm with these bodies, rotors (n,) and friction, each (n,)."""
     arm = with_inertial_parameters(bare, phi)
     arm = arm.with_friction(make_friction(arm.joint_names, **friction))
-    return arm.with_actuators(make_actuators(
-        arm.joint_names, [1.0], [1.0], rotor_inertia=rotors))
+    return arm.with_actuators(make_actuators(arm.joint_names, [1.0], [1.0], rotor_inertia=rotors))
 
 
 def test_the_derivatives_are_differences_of_efforts():

@@ -7,14 +7,10 @@ Every quantity of the rigid bodies against MuJoCo and Drake, on real robots at r
 `engine_cases` builds arm and engine from the same description.
 """
 
-from engine_cases import (
-    assert_near,
-    assert_same_motion,
-    ENGINES,
-    make_case,
-    plain,
-    with_payloads,
-)
+from functools import partial
+
+from engine_cases import assert_same_motion, ENGINES, make_case, plain, with_payloads
+import largest_error
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import ArmModel
@@ -22,6 +18,7 @@ from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload, Payload
 from robots import robot_urdf
 
+assert_near = partial(largest_error.assert_near, 1e-11)
 ROBOTS = ('kinova', 'panda', 'talos_left_arm', 'tiago_pro')
 """Revolute, continuous and prismatic joints, along and against the axes, with mimic joints."""
 

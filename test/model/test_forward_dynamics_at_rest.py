@@ -22,8 +22,7 @@ def three_links() -> ArmModel:
     """Return an arm with all friction except the Stribeck effect."""
     arm = load_arm(
         planar_arm_urdf([4.0, 2.0, 1.0], [0.8, 0.6, 0.4], [0.4, 0.3, 0.2], [0.2, 0.06, 0.02]))
-    return arm.with_friction(make_friction(
-        arm.joint_names, viscous=0.25, coulomb=4.0, offset=0.2))
+    return arm.with_friction(make_friction(arm.joint_names, viscous=0.25, coulomb=4.0, offset=0.2))
 
 
 ARM = three_links()

@@ -37,8 +37,7 @@ Q = {'hip': 0.1, 'knee': 0.2, 'ankle': 0.3, 'double': 0.1}
 V = {'hip': 1.0, 'knee': 2.0, 'ankle': 3.0, 'double': -4.0}
 TAU = {'hip': 10.0, 'knee': 20.0, 'ankle': 30.0, 'double': 7.0}
 
-orders = st.one_of(
-    st.permutations(JOINTS), st.permutations((*JOINTS, 'double'))).map(tuple)
+orders = st.one_of(st.permutations(JOINTS), st.permutations((*JOINTS, 'double'))).map(tuple)
 
 
 def values(table, names):

@@ -18,16 +18,13 @@ laws = settings(deadline=None, derandomize=True, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)
 ARM = load_arm(default_arm_urdf())
 
-def random_inertia(rng, mass):
-    """Return the inertia of a solid box in a random orientation."""
+def random_payload(rng, link):
+    """Return a solid box in a random orientation."""
+    mass, com = rng.uniform(0.01, 20.0), rng.normal(0, 0.2, 3)
     a, b, c = rng.uniform(0.01, 0.5, 3)
     Q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    return Q @ np.diag(mass / 12 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])) @ Q.T
-
-
-def random_payload(rng, link):
-    mass = rng.uniform(0.01, 20.0)
-    return make_payload(link, mass, rng.normal(0, 0.2, 3), random_inertia(rng, mass))
+    moments = mass / 12 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
+    return make_payload(link, mass, com, Q @ np.diag(moments) @ Q.T)
 
 
 def everything(arm, seed):

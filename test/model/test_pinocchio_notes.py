@@ -13,16 +13,10 @@ import pytest
 PAGE = Path(__file__).resolve().parents[2] / 'docs' / 'evidence' / 'pinocchio_notes.md'
 
 
-def reproduction() -> dict[str, Any]:
-    """Run the code of the page and return its names."""
+def test_the_reproduction_shows_the_energy_of_the_rotor_missing():
     code, = re.findall(r'```python\n(.*?)```', PAGE.read_text(encoding='utf-8'), re.DOTALL)
     names: dict[str, Any] = {}
     exec(compile(code, str(PAGE), 'exec'), names)
-    return names
-
-
-def test_the_reproduction_shows_the_energy_of_the_rotor_missing():
-    names = reproduction()
     assert names['by_mass_matrix'] == pytest.approx(1.5)
     if names['kinetic_energy'] == pytest.approx(1.5):
         pytest.skip(f'Pinocchio {pinocchio.__version__} counts all rotors: the workaround for the '

@@ -56,8 +56,7 @@ def test_the_jacobian_against_differences():
 
 @pytest.mark.parametrize('size', [0.0, 1e-7, 1e-3, 0.5, 2.0])
 def test_the_residuals_are_the_entropic_divergence(size):
-    phi = some_body(4)
-    P0 = pseudo_inertia_matrix(phi)
+    P0 = pseudo_inertia_matrix(some_body(4))
     L0 = np.linalg.cholesky(P0)
     x = size * np.random.default_rng(4).normal(size=10)
     ratio = np.linalg.solve(P0, pseudo_inertia_matrix(from_coordinates(L0, x)))

@@ -94,8 +94,7 @@ def christoffel_symbols_are_of_the_mass_matrix(case):
     c, n = case.body.christoffel_symbols(case.q), case.arm.joint_count
     assert c.shape == (n, n, n)
     npt.assert_allclose(c, c.transpose(0, 2, 1), rtol=0, atol=1e-13 * max(1.0, abs(c).max()))
-    dM = np.stack(
-        [slope(case.body.mass_matrix, case.q, e, 1e-3) for e in np.eye(n)], axis=-1)
+    dM = np.stack([slope(case.body.mass_matrix, case.q, e, 1e-3) for e in np.eye(n)], axis=-1)
     # c_ijk = ½ (∂M_ij/∂q_k + ∂M_ik/∂q_j − ∂M_jk/∂q_i), dM[i, j, k] = ∂M_ij/∂q_k
     expected = 0.5 * (dM + dM.transpose(0, 2, 1) - dM.transpose(2, 0, 1))
     npt.assert_allclose(c, expected, rtol=0, atol=1e-8 * max(1.0, abs(c).max()))
@@ -105,8 +104,7 @@ def coriolis_matrix_is_of_the_christoffel_symbols(case):
     C = case.body.coriolis_matrix(case.q, case.v)
     c = case.body.christoffel_symbols(case.q)
     scale = max(1.0, abs(C).max())
-    npt.assert_allclose(
-        C, np.einsum('ijk,k->ij', c, case.v), rtol=0, atol=1e-12 * scale)
+    npt.assert_allclose(C, np.einsum('ijk,k->ij', c, case.v), rtol=0, atol=1e-12 * scale)
     nonlinear = case.body.nonlinear(case.q, case.v) - case.body.gravity(case.q)
     npt.assert_allclose(
         C @ case.v, nonlinear, rtol=0, atol=1e-11 * max(scale, abs(nonlinear).max(), 100.0))
@@ -119,8 +117,7 @@ def forward_dynamics_undoes_inverse_dynamics(case):
         a = dynamics.forward_dynamics(case.q, case.v, tau, wrenches)
         M = case.body.mass_matrix(case.q)
         # The acceleration is as exact as the effort, multiplied by the condition of M.
-        npt.assert_allclose(
-            M @ (a - case.a), 0.0, rtol=0, atol=1e-10 * max(1.0, abs(tau).max()))
+        npt.assert_allclose(M @ (a - case.a), 0.0, rtol=0, atol=1e-10 * max(1.0, abs(tau).max()))
         npt.assert_allclose(a, case.a, rtol=0, atol=1e-12 * np.linalg.cond(M) * abs(tau).max())
 
 
@@ -141,8 +138,7 @@ def terms_add_up(case):
     near = {'rtol': 1e-9, 'atol': 1e-9 * max(1.0, abs(terms.effort).max())}
     M = case.body.mass_matrix(case.q)
     npt.assert_allclose(terms.inertial, M @ case.a, **near)
-    npt.assert_allclose(
-        terms.coriolis, case.body.coriolis_matrix(case.q, case.v) @ case.v, **near)
+    npt.assert_allclose(terms.coriolis, case.body.coriolis_matrix(case.q, case.v) @ case.v, **near)
     npt.assert_allclose(terms.gravity, case.body.gravity(case.q), **near)
     npt.assert_array_equal(terms.friction, case.arm.friction.effort(case.v))
     npt.assert_array_equal(terms.external, case.body.external(case.q, wrenches))

@@ -10,10 +10,7 @@ import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.effort_convention import (
-    joint_from_measured,
-    measured_from_joint,
-)
+from robot_dynamics.joints.effort_convention import joint_from_measured, measured_from_joint
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics

@@ -133,8 +133,7 @@ def test_a_clock_of_this_computer_that_is_set_moves_no_reference():
 # --- states without a stamp ----------------------------------------------------------------------
 
 def bare(one: Watched, stamp_ns: int, clock: float, q: Any = Q) -> StateVerdict:
-    return one.watch.judge(
-        stamp_ns, NOW + nanoseconds(clock), np.array(q), lambda: one.crowd)
+    return one.watch.judge(stamp_ns, NOW + nanoseconds(clock), np.array(q), lambda: one.crowd)
 
 
 def test_where_there_is_no_stamp_the_clock_is_the_time():

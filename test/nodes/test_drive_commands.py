@@ -7,14 +7,7 @@ from closed_loop import closed_loop, collecting, NAMES, send, START
 import numpy as np
 import pytest
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
-from ros_harness import (
-    DYNAMICS,
-    LONG,
-    NodeProcess,
-    running,
-    SIMULATED_ARM,
-    UNHURRIED,
-)
+from ros_harness import DYNAMICS, LONG, NodeProcess, running, SIMULATED_ARM, UNHURRIED
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 

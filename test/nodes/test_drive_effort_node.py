@@ -41,8 +41,7 @@ def test_known_drives_hold_and_move_the_arm_with_efforts_of_the_driver(client):
     assert (np.abs([m.effort for m in sent]) <= [150.0, 60.0]).all()
     assert first.effort == pytest.approx(G / SCALE + OFFSET)  # efforts of the driver
     assert torque.effort == pytest.approx(G)  # a torque at the joints
-    assert {tuple(m.data) for m in bare.messages if any(m.data)} & {
-        tuple(m.effort) for m in sent}
+    assert {tuple(m.data) for m in bare.messages if any(m.data)} & {tuple(m.effort) for m in sent}
 
 
 @pytest.mark.parametrize(('limit', 'first'), [([], None), ([50.0, 20.0], [-50.0, -11.772])])

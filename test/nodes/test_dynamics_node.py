@@ -116,8 +116,7 @@ def test_a_set_point_is_followed(client, bench):
         return client.answer_to(bench.states, bench.state(), bench.computed_torque)
 
     wait_until(lambda: torque().effort == pytest.approx(tau[::-1], abs=5e-8), 'the set-point')
-    message = torque()
-    assert list(message.name) == ['joint2', 'joint1']
+    assert list(torque().name) == ['joint2', 'joint1']
     assert bench.command(bench.state()).effort == pytest.approx(tau[::-1], abs=5e-8)
     with client.collect(Float64MultiArray, bench.topic('dynamics/commands')) as commands, \
             client.collect(DynamicsTerms, bench.topic('dynamics/terms')) as all_terms:

@@ -22,8 +22,7 @@ def test_a_force_is_felt_and_ends_with_its_messages(client):
     force = JointState(name=['gripper', *NAMES[::-1]], effort=[1.0, -10.0, 8.0])
 
     def excess(message: JointState) -> np.ndarray:
-        at = states.messages[-1].position
-        return np.subtract(message.effort, ARM.gravity(at))
+        return np.subtract(message.effort, ARM.gravity(states.messages[-1].position))
 
     with client.collect(JointState, '/felt/joint_states') as states, \
             client.collect(JointState, '/felt/effort_command') as efforts, closed_loop(

@@ -13,15 +13,7 @@ from fault_bench import stamp_of
 from fault_table import fault
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import (
-    Collector,
-    DYNAMICS,
-    LONG,
-    NodeProcess,
-    RosClient,
-    TIMEOUT,
-    UNHURRIED,
-)
+from ros_harness import Collector, DYNAMICS, LONG, NodeProcess, RosClient, TIMEOUT, UNHURRIED
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 

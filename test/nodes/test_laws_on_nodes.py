@@ -102,9 +102,7 @@ def place(q: Sequence[float]) -> np.ndarray:
     return KINEMATICS.pose(np.array(q))[0]
 
 
-def pose(
-    translation: Sequence[float], frame_id: str = 'base_link', w: float = 1.0,
-) -> PoseStamped:
+def pose(translation: Sequence[float], frame_id: str = 'base_link', w: float = 1.0) -> PoseStamped:
     message = PoseStamped()
     message.header.frame_id = frame_id
     p = message.pose.position

@@ -41,8 +41,7 @@ def process() -> Iterator[OwnProcess]:
 def test_both_and_a_third_node_in_one_executor(client, process, executor):
     """No state is answered twice, and the threads of the nodes end with the nodes."""
     before = set(threading.enumerate())
-    nodes = (process.simulated_arm(rate=50.0, initial_position=Q),
-             process.dynamics(**UNHURRIED))
+    nodes = (process.simulated_arm(rate=50.0, initial_position=Q), process.dynamics(**UNHURRIED))
     neighbour, ticks = process.other('neighbour'), Counter[str]()
     neighbour.create_timer(0.05, lambda: ticks.update(['timer']))
     neighbour.create_subscription(

@@ -16,14 +16,7 @@ from robot_dynamics.ros.middleware.conversions import (
     stamp_from_ros,
 )
 from robot_dynamics_interfaces.srv import ManipulatorEquation, SetPayload
-from ros_harness import (
-    DYNAMICS,
-    LATCHED,
-    NodeProcess,
-    running,
-    SIMULATED_ARM,
-    wait_until,
-)
+from ros_harness import DYNAMICS, LATCHED, NodeProcess, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 from service_bench import A, Q, TAU, V
 

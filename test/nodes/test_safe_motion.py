@@ -24,13 +24,6 @@ ARRIVED = 0.005
 """[rad] from the goal, and [rad/s]."""
 
 
-def wait_arrived(states: Collector, goal: np.ndarray) -> None:
-    """Wait until the arm rests at a goal."""
-    states.wait_for(
-        lambda m: np.abs(np.array(m.position) - goal).max() < ARRIVED
-        and np.abs(m.velocity).max() < ARRIVED, LONG)
-
-
 def test_the_first_trial_of_the_safety_page(client):
     """docs/safety.md, section "The first command, and every change", step by step."""
     start, goal = np.array(START), np.array([0.85, 0.5])
@@ -59,7 +52,8 @@ def test_the_first_trial_of_the_safety_page(client):
         set_parameter('effort_limit_fraction', 0.5)
         set_parameter('command', 'computed_torque')
         send(client, namespace, (0.0, goal))
-        wait_arrived(states, goal)
+        states.wait_for(lambda m: np.abs(np.array(m.position) - goal).max() < ARRIVED
+                        and np.abs(m.velocity).max() < ARRIVED, LONG)
         hold_for(states, 2.0)
         assert states.messages[-1].position == pytest.approx(goal, abs=1e-3)
         send(client, namespace, (0.0, goal + 2.0))

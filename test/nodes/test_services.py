@@ -326,8 +326,7 @@ def test_the_order_of_limits_and_points_is_that_of_the_request(planar):
         'retime_trajectory', trajectory=message, acceleration_limits=[50.0, 5.0])
     assert response.duration == expected.duration
     assert response.trajectory.joint_names == message.joint_names
-    for point, other in zip(
-            response.trajectory.points, expected.trajectory.points, strict=True):
+    for point, other in zip(response.trajectory.points, expected.trajectory.points, strict=True):
         assert list(point.positions) == list(other.positions[::-1])
         assert list(point.velocities) == list(other.velocities[::-1])
         assert list(point.effort) == list(other.effort[::-1])

@@ -122,8 +122,7 @@ def test_reset_goes_back_to_the_initial_pose(stepped):
     for _ in range(5):
         stepped.step([20.0, -5.0])
     assert list(stepped.state.position) != START
-    response = stepped.client.call(Trigger, '/stepped/simulated_arm/reset')
-    assert response.success
+    assert stepped.client.call(Trigger, '/stepped/simulated_arm/reset').success
     state = stepped.step([0.0, 0.0])  # simulated time continues
     twin = released(ARM, START)
     assert list(state.position) == twin.step(np.zeros(2), 1.0 / RATE).position.tolist()

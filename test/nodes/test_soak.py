@@ -199,8 +199,7 @@ def work(
     """
     memory, silences, pause = [], 0, threading.Event()
     begin = time.monotonic()
-    while not load.wrong and (
-            time.monotonic() - begin < duration or silences < FEWEST_SILENCES):
+    while not load.wrong and (time.monotonic() - begin < duration or silences < FEWEST_SILENCES):
         pause.wait(LOOK)
         memory.append(resident(bench.node.pid))
         if time.monotonic() - begin > (silences + 1) * apart:

@@ -146,8 +146,7 @@ def test_a_node_that_cannot_start_logs_one_line(ends, name):
 @fault('Parameters at the start', 'arguments outside `--ros-args`: `--scale 1`, `command:=none`',
        'one line that names the arguments and the syntax of parameters, status 2')
 def test_arguments_that_no_node_has(ends):
-    for (_, program, arguments), (status, output) in zip(
-            UNKNOWN, ends[len(CASES):], strict=True):
+    for (_, program, arguments), (status, output) in zip(UNKNOWN, ends[len(CASES):], strict=True):
         assert status == 2
         assert output == [
             f'{program}: unknown arguments {arguments}; set a parameter with `--ros-args -p '

@@ -90,10 +90,7 @@ def test_worked_example_with_its_vectors():
 
 def scalar_recursion_that_forgets_the_joint():
     """Add gravity, tangential and inward terms in one direction; joint 2 starts at rest."""
-    along_link = [
-        9.81 + 0.1 * 0.5 - 0.5**2 * 0.5,
-        0.0 + 0.3 * 0.4 - 0.8**2 * 0.4,
-    ]
+    along_link = [9.81 + 0.1 * 0.5 - 0.5**2 * 0.5, 0.0 + 0.3 * 0.4 - 0.8**2 * 0.4]
     force2 = 3.0 * along_link[1]
     tau2 = 0.4 * force2 + 0.05 * 0.3
     tau1 = tau2 + 0.5 * (force2 + 5.0 * along_link[0]) + 0.1 * 0.1
@@ -167,8 +164,7 @@ def test_correction_force_acts_at_the_joint_and_not_at_the_centre_of_mass():
 
 def test_correction_weight_is_carried_upwards():
     flipped = vector_recursion(up=-1.0)
-    g = planar.gravity_vector(ARM, Q)
-    assert_close(EXAMPLE - flipped, 2.0 * g, atol=2.0 * PRINTED)
+    assert_close(EXAMPLE - flipped, 2.0 * planar.gravity_vector(ARM, Q), atol=2.0 * PRINTED)
 
 
 # --- input ------------------------------------------------------------------------------------

@@ -71,8 +71,7 @@ def test_worked_example_has_the_published_numbers():
         planar.mass_matrix(ARM, Q), [[6.95846097, 1.56923048], [1.56923048, 0.53]], atol=PRINTED)
     assert_close(planar.coriolis_vector(ARM, Q, V), [-0.234, 0.15], atol=1e-15)
     assert_close(planar.gravity_vector(ARM, Q), [-49.52282521, -11.37087883], atol=PRINTED)
-    assert_close(
-        planar.inverse_dynamics(ARM, Q, V, A), [-48.74713301, -10.95795578], atol=PRINTED)
+    assert_close(planar.inverse_dynamics(ARM, Q, V, A), [-48.74713301, -10.95795578], atol=PRINTED)
 
 
 def test_page_names_only_tests_that_exist():
@@ -169,8 +168,7 @@ def test_correction_gravity_vector_is_what_the_motors_deliver():
     assert_close(planar.forward_dynamics(ARM, Q, (0.0, 0.0), g), 0.0, atol=1e-13)
     # With g interpreted as the weight's torque and compensated with -g, the fall would double.
     free = planar.forward_dynamics(ARM, Q, (0.0, 0.0), (0.0, 0.0))
-    npt.assert_allclose(
-        planar.forward_dynamics(ARM, Q, (0.0, 0.0), -g), 2.0 * free, rtol=1e-13)
+    npt.assert_allclose(planar.forward_dynamics(ARM, Q, (0.0, 0.0), -g), 2.0 * free, rtol=1e-13)
 
 
 def test_correction_eight_christoffel_symbols():

@@ -95,8 +95,7 @@ def test_a_replacement_continues_from_the_active_reference(span, delay):
     follower.start(smooth((0.5, 1.0, 3.0), 1), EPOCH, (0.0, 0.0), (0.0, 0.0))
     now = EPOCH + span
     before = follower.sample(now)
-    follower.start(
-        smooth((0.4, 2.0), 2), now, (9.0, 9.0), (9.0, 9.0), stamp_ns=now + delay)
+    follower.start(smooth((0.4, 2.0), 2), now, (9.0, 9.0), (9.0, 9.0), stamp_ns=now + delay)
     assert_same(follower.sample(now), before, 1e-12)
     after = follower.sample(now + 1000)
     np.testing.assert_allclose(after.position, before.position + 1e-6 * before.velocity, atol=1e-9)
@@ -174,5 +173,4 @@ def test_half_a_turn_keeps_the_direction_of_the_numbers(turns, way):
     target = turns * math.tau
     path = make_trajectory(('wheel',), (1.0,), ((target,),), (), (), ('wheel',))
     follower.start(path, EPOCH, (0.0,), (0.0,))
-    assert target - follower.sample(EPOCH).position[0] == pytest.approx(
-        way * math.tau, abs=1e-5)
+    assert target - follower.sample(EPOCH).position[0] == pytest.approx(way * math.tau, abs=1e-5)

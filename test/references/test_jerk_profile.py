@@ -28,8 +28,7 @@ NEAR_STOP = (0.0, 1e-13, -1e-13, 1e-12, -1e-11, 1e-9, -1e-9, 1e-6, -1e-6, 1e-4, 
 LATER = (1.0 + 1e-9, 1.001, 1.1, 1.5, 3.0)
 """Factors on the shortest duration."""
 
-counts = pytest.mark.parametrize(
-    'count', [200, pytest.param(100_000, marks=pytest.mark.soak)])
+counts = pytest.mark.parametrize('count', [200, pytest.param(100_000, marks=pytest.mark.soak)])
 kinds = pytest.mark.parametrize(('largest', 'symmetric'), [
     pytest.param(0.95, True, id='within'), pytest.param(3.0, True, id='beyond'),
     pytest.param(0.95, False, id='within asymmetric'),

@@ -198,13 +198,11 @@ def test_an_infeasible_trajectory_that_is_slowed_down_has_the_same_path(
     sent = quintic_via_points(NAMES, [0.0, 0.6 * duration, duration], [start, via, goal])
     found, slowness = conditioned(sent, slows_down=True)
     assert found.duration == pytest.approx(slowness * sent.duration)
-    for p0, p1, r0, r1 in zip(
-            sent.points, sent.points[1:], found.points, found.points[1:]):
+    for p0, p1, r0, r1 in zip(sent.points, sent.points[1:], found.points, found.points[1:]):
         for phase in np.linspace(0.0, 1.0, 7).tolist():
             t = (1.0 - phase) * p0.time_from_start + phase * p1.time_from_start
             expected = sample_segment(t, p0.time_from_start, p0, p1.time_from_start, p1)
-            actual = sample_segment(
-                slowness * t, r0.time_from_start, r0, r1.time_from_start, r1)
+            actual = sample_segment(slowness * t, r0.time_from_start, r0, r1.time_from_start, r1)
             # The times are whole nanoseconds, in which the arm moves by up to 10 nrad.
             assert actual.position == pytest.approx(expected.position, abs=1e-8)
             assert slowness * actual.velocity == pytest.approx(expected.velocity, abs=1e-6)

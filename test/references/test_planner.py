@@ -39,8 +39,7 @@ HULL = 1e-8
 """Tolerance of positions [rad]."""
 RATIO = 1.001
 
-counts = pytest.mark.parametrize(
-    'count', [150, pytest.param(100_000, marks=pytest.mark.soak)])
+counts = pytest.mark.parametrize('count', [150, pytest.param(100_000, marks=pytest.mark.soak)])
 
 
 class Case(NamedTuple):
@@ -181,7 +180,12 @@ def target_case(
 @counts
 def test_any_plan_stays_in_its_hull_and_within_its_limits_and_ends_at_its_goal(count):
     for case in cases(count):
-        check_end(case)
+        end = case.plan.end
+        if case.kind in ('goal', 'later', 'stream', 'path'):
+            assert end.position == pytest.approx(case.goals[-1], abs=HULL), case.kind
+        if case.kind != 'path':
+            assert end.velocity == pytest.approx(0.0 * end.position, abs=1e-7), case.kind
+            assert end.acceleration == pytest.approx(0.0 * end.position, abs=1e-7), case.kind
         for joint in case.joints():
             assert all(map(math.isfinite, joint.found))
             check_hull(joint)
@@ -210,15 +214,6 @@ def check_limits(joint: JointCase) -> None:
     if joint.case.kind != 'path' and any(
             joint.is_inside(each.q_min, each.q_max, 0.0) for each in stops):
         assert joint.is_inside(found.q_min, found.q_max), joint.case.kind
-
-
-def check_end(case: Case) -> None:
-    end = case.plan.end
-    if case.kind in ('goal', 'later', 'stream', 'path'):
-        assert end.position == pytest.approx(case.goals[-1], abs=HULL), case.kind
-    if case.kind != 'path':
-        assert end.velocity == pytest.approx(0.0 * end.position, abs=1e-7), case.kind
-        assert end.acceleration == pytest.approx(0.0 * end.position, abs=1e-7), case.kind
 
 
 @counts

@@ -189,8 +189,7 @@ def test_a_trajectory_that_is_entered_late_is_met_on_its_path(start, goal, late,
     found = samples(one, 10.0 * late, (active.end_ns - NOW) / SECOND)
     most, own = limits_of().whole, samples_of(exact)
     assert (np.abs(found.v) <= TOLERANCE * np.maximum(most.velocity, own.velocity)).all()
-    assert (np.abs(found.a) <= TOLERANCE * np.maximum(
-        most.acceleration, own.acceleration)).all()
+    assert (np.abs(found.a) <= TOLERANCE * np.maximum(most.acceleration, own.acceleration)).all()
 
 
 def samples_of(exact: ActiveTrajectory) -> Reference:
@@ -203,6 +202,5 @@ def test_a_path_far_beyond_what_can_be_met_in_time_ends_at_its_goal():
     one = generator(slow)
     active = one.start(quintic_point_to_point(NAMES, goal, goal, 5.0), NOW, ZERO, ZERO)
     end = (active.end_ns - NOW) / SECOND
-    found = samples(one, 0.0, end)
-    assert (np.abs(found.v) <= TOLERANCE * slow.whole.velocity).all()
+    assert (np.abs(samples(one, 0.0, end).v) <= TOLERANCE * slow.whole.velocity).all()
     assert at(one, end).position == pytest.approx(goal)

@@ -15,7 +15,6 @@ from sampled_references import (
     ns,
     OMEGA,
     ramp,
-    Samples,
     samples,
     SECOND,
     set_point,
@@ -72,8 +71,7 @@ def test_the_end_of_a_stream_with_velocities_is_a_planned_stop(rate, end):
     assert found.jerk <= 2.0 * limits.jerk[0]
     assert not at(one, stopped).velocity.any()
     # The speed decreases as soon as the acceleration is removed, with the limit of the jerk.
-    later = found.after(
-        end + one.stream_timeout + limits.acceleration[0] / limits.jerk[0])
+    later = found.after(end + one.stream_timeout + limits.acceleration[0] / limits.jerk[0])
     speed = np.abs(later.v)
     assert (np.diff(speed, axis=0) <= 1e-6).all()
 
@@ -95,12 +93,6 @@ def stop_time(speed: float, limits: MotionLimits) -> float:
     return float(speed / a + a / jerk if speed > a**2 / jerk else 2.0 * np.sqrt(speed / jerk))
 
 
-def assert_within(found: Samples, limits: MotionLimits) -> None:
-    assert np.abs(found.v).max() <= TOLERANCE * limits.velocity[0]
-    assert np.abs(found.a).max() <= TOLERANCE * limits.acceleration[0]
-    assert found.jerk <= TOLERANCE * limits.jerk[0]
-
-
 @pytest.mark.parametrize('limits', [limits_of(), limits_of(a=100.0, j=10_000.0)])
 @pytest.mark.parametrize('rate', [10, 50, 500])
 def test_a_ramp_of_positions_is_followed_smoothly_with_the_stated_lag(rate, limits):
@@ -113,7 +105,9 @@ def test_a_ramp_of_positions_is_followed_smoothly_with_the_stated_lag(rate, limi
     assert lag.max() <= stated_lag(h, 0.2, limits)
     assert lag[:, 0].max() >= stated_lag(h, 0.2, limits) - h - 1e-4
     assert found.v[:, 0] == pytest.approx(0.2, rel=0.02)
-    assert_within(everything, limits)
+    assert np.abs(everything.v).max() <= TOLERANCE * limits.velocity[0]
+    assert np.abs(everything.a).max() <= TOLERANCE * limits.acceleration[0]
+    assert everything.jerk <= TOLERANCE * limits.jerk[0]
 
 
 @pytest.mark.parametrize(('rate', 'distance'), [(2, 2.0), (10, 0.3), (50, 2.0), (200, 0.02)])

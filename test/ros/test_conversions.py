@@ -208,8 +208,7 @@ def test_numbers_that_no_arm_has_are_refused_by_joint(number, is_finite):
         with pytest.raises(InvalidInputError, match=f'velocity {words}finite number'):
             READER.read(JointState(name=names, position=[0.0] * 3, velocity=values))
     # A measured state may lack a joint.
-    effort = READER.effort(JointState(name=names, effort=values))
-    assert effort[0] == -1e9
+    assert READER.effort(JointState(name=names, effort=values))[0] == -1e9
 
 
 def test_an_effort_message_has_an_effort_for_each_joint():

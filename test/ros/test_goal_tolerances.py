@@ -30,5 +30,4 @@ def test_tolerances_are_given_kept_erased_or_refused_by_name(given):
     wrong = [name for name, value in given.items()
              if name == 'd' or not (value == -1.0 or 0.0 <= value < np.inf)]
     assert any(repr(name) in str(error.value) for name in wrong)
-    assert isinstance(error.value, JointNamesError) == (
-        "tolerance for 'd'" in str(error.value))
+    assert isinstance(error.value, JointNamesError) == ("tolerance for 'd'" in str(error.value))

@@ -35,6 +35,5 @@ def test_tool_and_node_report_what_their_counts_cover():
 
 def test_a_node_is_silent_on_a_model_that_it_checks_completely():
     log = Log()
-    check_or_refuse(
-        default_arm_urdf(), load_arm(default_arm_urdf()), {'ignore_checks': []}, log)
+    check_or_refuse(default_arm_urdf(), load_arm(default_arm_urdf()), {'ignore_checks': []}, log)
     assert log == []

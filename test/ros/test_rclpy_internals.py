@@ -75,8 +75,7 @@ def test_publish_raw_and_get_subscription_count(client):
 
 
 def test_wait_set_and_take_message(client):
-    inbox = rclpy_internals.message_inbox(
-        client.node, String, 'wait_set', QoSProfile(depth=5))
+    inbox = rclpy_internals.message_inbox(client.node, String, 'wait_set', QoSProfile(depth=5))
     assert type(inbox) is rclpy_internals.MessageInbox, (
         'rclpy_implementation.WaitSet, Subscription.handle.take_message or Context.handle is '
         'gone, or takes other arguments: joint states go through an executor of rclpy')
@@ -141,8 +140,7 @@ def test_service_take_request_and_send_response(client, process):
         'asks the graph whether its client is discovered')
     wait_until(
         lambda: is_discovered(process.nodes[0], requests.service), 'the reader of the response')
-    rclpy_internals.send_response(
-        requests.service, Trigger.Response(message='taken'), header)
+    rclpy_internals.send_response(requests.service, Trigger.Response(message='taken'), header)
     wait_until(future.done, 'the response')
     assert future.result().message == 'taken'
     assert requests.take() == (None, None)

@@ -78,8 +78,7 @@ def test_a_half_that_is_missing_is_named():
     assert assembly.take(message(19 * PERIOD + PERIOD // 5, ['b'])) is not None
     assert assembly.missing == []
     for k in range(21, 30):  # the second half no longer arrives
-        state = assembly.take(message(k * PERIOD, ['a', 'c']))
-        assert state is None
+        assert assembly.take(message(k * PERIOD, ['a', 'c'])) is None
         assert assembly.missing == ['b']
 
 

@@ -44,13 +44,9 @@ def is_own(value: ast.expr) -> bool:
     return isinstance(value, ast.Name) and value.id in ('self', 'cls')
 
 
-def modules_that_import_rclpy() -> list[Path]:
-    return [path for path in sorted(PACKAGE.rglob('*.py')) if path.name != 'rclpy_internals.py'
-            and re.search(r'^\s*(import|from) rclpy\b', path.read_text('utf-8'), re.MULTILINE)]
-
-
 def test_no_other_module_uses_undocumented_members():
-    modules = modules_that_import_rclpy()
+    modules = [path for path in sorted(PACKAGE.rglob('*.py')) if path.name != 'rclpy_internals.py'
+               and re.search(r'^\s*(import|from) rclpy\b', path.read_text('utf-8'), re.MULTILINE)]
     assert len(modules) > 20
     uses = {str(path.relative_to(PACKAGE)): undocumented(ast.parse(path.read_text('utf-8')))
             for path in modules}

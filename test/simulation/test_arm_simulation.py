@@ -136,8 +136,7 @@ def test_a_change_of_payload_is_booked_as_work(brakes):
         simulation.set_payloads([] if load is None else [load])
         changes.append(simulation.work - work)
         expected = 0.5 * m * (dx**2 + dz**2) + m * 9.81 * z
-        assert changes[-1] == pytest.approx(
-            expected * (bool(load) - carried), rel=1e-9, abs=1e-12)
+        assert changes[-1] == pytest.approx(expected * (bool(load) - carried), rel=1e-9, abs=1e-12)
         assert sum(simulation.energy) == pytest.approx(
             at_start + simulation.work - simulation.heat, abs=1e-6)
         simulation.release()

@@ -9,12 +9,11 @@ import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from simulated_arms import released
+from simulated_arms import released, rubbing
 
 CONTACT_TIME = 2e-4
 """[s] within which the contact force must separate teeth that bounce."""
@@ -98,10 +97,6 @@ def links(n: int, gravity: float = 9.81) -> ArmModel:
     return load_arm(
         planar_arm_urdf(masses, lengths, [0.5, 0.4, 0.2][:n], [0.1, 0.05, 0.01][:n]),
         gravity=(0.0, 0.0, -gravity))
-
-
-def rubbing(arm: ArmModel, **friction: list[float]) -> ArmModel:
-    return arm.with_friction(make_friction(arm.joint_names, **friction))
 
 
 def motor_offset(simulation: ArmSimulation) -> FloatArray:

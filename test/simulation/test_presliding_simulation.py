@@ -10,22 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import arm_without_gripper
-from simulated_arms import block, released
+from simulated_arms import block, released, rubbing
 
 ARM = load_arm(default_arm_urdf())
 panda = cache(partial(arm_without_gripper, 'panda'))
 POSE = np.array([0.3, -0.4, 0.2, -1.8, 0.5, 1.6, 0.4])
 DAMPING_RATIO = 0.2
 """Of a joint that vibrates within its presliding distance."""
-
-
-def rubbing(arm: ArmModel, **friction: Any) -> ArmModel:
-    return arm.with_friction(make_friction(arm.joint_names, **{'viscous': [0.0], **friction}))
 
 
 ranges = {
@@ -107,8 +102,7 @@ def small_steps(
         sticks = ~((np.abs(z) >= 1.0) & (z * v > 0.0))
         damping = 2.0 * DAMPING_RATIO * np.sqrt(F / d * np.diag(M)) * sticks * np.exp(
             -v * v / (F * d / np.diag(M)))
-        effort = tau - body.nonlinear(q, v) - (
-            F * z + (damping + friction.viscous) * v)
+        effort = tau - body.nonlinear(q, v) - (F * z + (damping + friction.viscous) * v)
         return v, np.linalg.solve(M, effort), np.where(sticks, v / d, 0.0)
 
     for tau in efforts:
@@ -161,8 +155,7 @@ def random_friction(each: list[dict[str, float]]) -> dict[str, list[float]]:
 @given(data=st.data())
 def test_energy_never_grows_without_input(data):
     """K + P with the energy of the bristles, minus the work, over random arms and states."""
-    bare, q = data.draw(st.sampled_from([
-        (ARM, np.array([0.4, -0.7])), (panda(), POSE)]))
+    bare, q = data.draw(st.sampled_from([(ARM, np.array([0.4, -0.7])), (panda(), POSE)]))
     n = bare.joint_count
     each = data.draw(st.lists(frictions, min_size=n, max_size=n))
     arm = rubbing(bare, **random_friction(each))

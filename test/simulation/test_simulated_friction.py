@@ -33,8 +33,7 @@ def test_stuck_joints_with_stiff_friction_act_as_fixed_joints():
     """Dry friction holds the wrists of the UR10; viscous friction would relax them fast."""
     urdf, viscous, steps = robot_urdf('ur10'), 0.3, (8e-3, 4e-3, 2e-3)
     arm = load_arm(urdf)
-    arm = arm.with_friction(make_friction(
-        arm.joint_names, [viscous], [0.0] * 3 + [100.0] * 3))
+    arm = arm.with_friction(make_friction(arm.joint_names, [viscous], [0.0] * 3 + [100.0] * 3))
     fixed = load_arm(urdf, arm.joint_names[:3])
     fixed = fixed.with_friction(make_friction(fixed.joint_names, [viscous]))
     M = ArmDynamics(arm).rigid_body.mass_matrix(np.zeros(6))
@@ -59,8 +58,7 @@ def test_stuck_joints_with_stiff_friction_act_as_fixed_joints():
 def test_falling_friction_is_followed_where_viscous_friction_is_stiff(v0, tau):
     """J v̇ = τ − F_v v − [F_c + (F_s − F_c) exp(−(v/v_s)²)], with 23 time constants in 2 ms."""
     J, F_v, F_c, F_s, v_s, duration = 3.5e-5, 0.4, 0.02, 0.04, 0.05, 0.02
-    arm = load_arm(
-        planar_arm_urdf([0.01], [0.1], [0.05], [1e-5]), gravity=(0.0, 0.0, 0.0))
+    arm = load_arm(planar_arm_urdf([0.01], [0.1], [0.05], [1e-5]), gravity=(0.0, 0.0, 0.0))
     arm = arm.with_friction(make_friction(arm.joint_names, [F_v], [F_c], [F_s], [v_s]))
 
     def slope(_: float, y: np.ndarray) -> np.ndarray:

@@ -38,9 +38,7 @@ def fourier_motion(arm: ArmModel, rate: float, duration: float, seed: int = 0) -
     return States(t, q, v, a)
 
 
-def moves_with_pauses(
-    arm: ArmModel, rate: float, duration: float, seed: int = 0,
-) -> States:
+def moves_with_pauses(arm: ArmModel, rate: float, duration: float, seed: int = 0) -> States:
     """Return minimum-jerk moves between near positions, with pauses, as in teleoperation."""
     rng = np.random.default_rng(seed)
     n, fine = arm.joint_count, 1000.0

@@ -36,8 +36,7 @@ def chain(joints: int) -> str:
 
 def bomb() -> str:
     """Return a few lines of XML whose entities expand to gigabytes."""
-    entities = ''.join(
-        f'<!ENTITY e{i + 1} "{f"&e{i};" * 10}">' for i in range(9))
+    entities = ''.join(f'<!ENTITY e{i + 1} "{f"&e{i};" * 10}">' for i in range(9))
     return (f'<!DOCTYPE robot [<!ENTITY e0 "{"x" * 100}">{entities}]>'
             '<robot name="&e9;"><link name="base"/></robot>')
 

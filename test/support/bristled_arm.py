@@ -57,8 +57,7 @@ class BristledArm(LockStep):
         friction = make_friction(
             arm.joint_names, coulomb=(case.given * self.coulomb).tolist(),
             viscous=self.viscous.tolist())
-        super().__init__(
-            arm.with_friction(friction), rate=case.rate, delay=case.delay, **options)
+        super().__init__(arm.with_friction(friction), rate=case.rate, delay=case.delay, **options)
         self._z, self._d = np.zeros(n), case.distance
         if rotors is None:
             rotors = np.array(ROTORS[case.arm]) if case.has_rotors else np.zeros(n)

@@ -71,12 +71,6 @@ ARM_BOX = """() => {
 """The box around the meshes of the arm on the page: left, top, right, bottom [pixel]."""
 
 
-def chromium_program() -> str | None:
-    """Return the path of the browser, or None without one."""
-    names = ('chromium', 'chromium-browser', 'google-chrome')
-    return next(filter(None, map(shutil.which, names)), None)
-
-
 @contextmanager
 def chromium(directory: Path) -> Iterator[Any]:
     """
@@ -84,7 +78,8 @@ def chromium(directory: Path) -> Iterator[Any]:
 
     It ends with the driver of Playwright, which ends with this process, because a pipe closes.
     """
-    program = chromium_program()
+    program = next(filter(None, map(
+        shutil.which, ('chromium', 'chromium-browser', 'google-chrome'))), None)
     if program is None:
         missing('no Chromium on the PATH (Debian: apt install chromium)')
     try:

@@ -16,11 +16,7 @@ from robot_dynamics.control import ControlLaw, Controller, LawInput, make_gains
 from robot_dynamics.control.options import ControllerOptions, default_effort_rates
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
-from robot_dynamics.task_space.frame_kinematics import (
-    FrameKinematics,
-    last_link,
-    rotation_vector,
-)
+from robot_dynamics.task_space.frame_kinematics import FrameKinematics, last_link, rotation_vector
 from robot_dynamics.task_space.inverse_kinematics import joints_at
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 

@@ -23,7 +23,6 @@ from robots import robot_urdf
 
 # Relative to the largest entry. Accelerations need a larger tolerance: if a wrist or a caster is
 # in the same tree as a lift, the condition number of M is above 10⁶.
-TOLERANCE = 1e-11
 MOTION_TOLERANCE = 1e-9
 ENGINES: dict[str, type[Engine]] = {'mujoco': MujocoEngine, 'drake': DrakeEngine}
 
@@ -162,16 +161,6 @@ def plain(engine: str, robot: str) -> Case:
 def generator(urdf: str) -> np.random.Generator:
     # The hash of a str differs between runs.
     return np.random.default_rng(zlib.crc32(urdf.encode()))
-
-
-def assert_near(actual: Array | float, reference: Array | float, what: str) -> None:
-    """Compare max |actual − reference| relative to max |reference|."""
-    assert np.shape(actual) == np.shape(reference)
-    difference = float(np.max(np.abs(np.subtract(actual, reference)), initial=0.0))
-    scale = float(np.max(np.abs(reference), initial=0.0))
-    # If a vector is zero by symmetry, both results are only rounding errors.
-    relative = difference / scale if scale > 1e-9 else difference
-    assert relative <= TOLERANCE, f'{what} is off by {relative:.1e} of its largest value'
 
 
 def assert_same_motion(a: Array, reference: Projected, state: State) -> None:

@@ -9,7 +9,7 @@ wait for faults on /diagnostics, where the node reports each fault immediately.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 import itertools
 import math
 import re
@@ -223,8 +223,7 @@ class FaultBench:
     def peak_memory(self) -> int:
         """Return the peak memory of the node so far [bytes]."""
         with open(f'/proc/{self.node.pid}/status', encoding='ascii') as status:
-            return 1024 * next(
-                int(line.split()[1]) for line in status if line.startswith('VmHWM'))
+            return 1024 * next(int(line.split()[1]) for line in status if line.startswith('VmHWM'))
 
     # ------------------------------------------------------------------ diagnostics
 
@@ -292,13 +291,18 @@ class FaultBench:
             assert result.successful, result.reason
 
     @contextmanager
-    def short_timeout(self) -> Iterator[None]:
-        """Set `state_timeout` to `STATE_TIMEOUT`."""
-        self.set_parameters(state_timeout=STATE_TIMEOUT)
+    def temporarily(self, before: Mapping[str, Any], **values: Any) -> Iterator[None]:
+        """Set parameters to `values`, and to `before` at the end."""
+        self.set_parameters(**values)
         try:
             yield
         finally:
-            self.set_parameters(state_timeout=STEADY['state_timeout'])
+            self.set_parameters(**before)
+
+    def short_timeout(self) -> AbstractContextManager[None]:
+        """Set `state_timeout` to `STATE_TIMEOUT`."""
+        return self.temporarily(
+            {'state_timeout': STEADY['state_timeout']}, state_timeout=STATE_TIMEOUT)
 
     def wait_state_timeout(self) -> DiagnosticStatus:
         """Wait for the fault `state_timeout`, after the last valid state of the driver."""

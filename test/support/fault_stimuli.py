@@ -210,8 +210,7 @@ def check_rate(efforts: TimedCollector, rate: Any = RATE) -> None:
     went back may differ by the largest permitted step.
     """
     for one, next_one in efforts.in_a_row():
-        seconds = 1e-9 * (
-            nanoseconds_of(next_one.header.stamp) - nanoseconds_of(one.header.stamp))
+        seconds = 1e-9 * (nanoseconds_of(next_one.header.stamp) - nanoseconds_of(one.header.stamp))
         step = np.abs(np.subtract(next_one.effort, one.effort))
         allowed = rate * (seconds if seconds > 0.0 else LONGEST_STEP)
         assert (step <= allowed + 1e-6).all(), (one, next_one)

@@ -29,8 +29,7 @@ class HeldRobot:
         self._fields = {'name': ['joint1', 'joint2'], 'velocity': [0.0, 0.0], **fields}
         self._client = client
         self._states = client.publisher(JointState, f'{namespace}/joint_states')
-        self._answers = client.collect(
-            JointState, f'{namespace}/dynamics/gravity_compensation')
+        self._answers = client.collect(JointState, f'{namespace}/dynamics/gravity_compensation')
         self._answers.wait_matched()
         self.stamp = round(1e9)
 

@@ -50,8 +50,7 @@ class ControlContinues:
 
     def _count_faults(self) -> int:
         report = self.bench.next_status('command')
-        return sum(
-            int(value.value) for value in report.values if value.key.startswith('faults: '))
+        return sum(int(value.value) for value in report.values if value.key.startswith('faults: '))
 
 
 class ClientProcess:

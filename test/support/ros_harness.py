@@ -394,8 +394,7 @@ class RosClient:
             found = answers.find(predicate, RESEND_PERIOD)
             if found is not None:
                 return found
-        raise AssertionError(
-            f'no answer in {timeout:g} s to {message}; {answers.matching()}')
+        raise AssertionError(f'no answer in {timeout:g} s to {message}; {answers.matching()}')
 
     def answer_to(self, publisher: Any, message: Any, answers: Collector) -> Any:
         """Publish until there is an answer with the stamp of this message; return it."""

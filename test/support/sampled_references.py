@@ -74,9 +74,7 @@ def samples(one: ReferenceGenerator, start: float, end: float, count: int = 200)
     return Samples(ts, *(np.array(x) for x in zip(*(at(one, t) for t in ts.tolist()))))
 
 
-def stream(
-    one: ReferenceGenerator, motion: Motion, h: float, end: float, with_v: bool,
-) -> Samples:
+def stream(one: ReferenceGenerator, motion: Motion, h: float, end: float, with_v: bool) -> Samples:
     """Send a set-point every h [s]; sample at least 4 times per period, and every 5 ms."""
     parts, count = [], max(4, round(h / 0.005))
     for i in range(round(end / h)):

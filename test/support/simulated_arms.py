@@ -34,12 +34,15 @@ def one_link(viscous: float = 0.0, coulomb: float = 0.0) -> ArmModel:
         gravity=(0.0, 0.0, 0.0))
 
 
+def rubbing(arm: ArmModel, **friction: Any) -> ArmModel:
+    return arm.with_friction(make_friction(arm.joint_names, **friction))
+
+
 def block(mass: float, axis: Sequence[float] = (1.0, 0.0, 0.0), **friction: Any) -> ArmModel:
     """Return a mass [kg] on a rail along an axis, with this friction."""
-    arm = load_arm(arm_of(
+    return rubbing(load_arm(arm_of(
         inertial(mass, (1.0, 1.0, 1.0)), '<limit lower="-100" upper="100"/>', 'prismatic',
-        axis=' '.join(map(str, axis)), geometry=''))
-    return arm.with_friction(make_friction(arm.joint_names, **friction))
+        axis=' '.join(map(str, axis)), geometry='')), **friction)
 
 
 def released(arm: ArmModel, *start: Any, **more: Any) -> ArmSimulation:

@@ -3,12 +3,13 @@
 
 """Task space against MuJoCo and Drake, its laws at a rank loss, and its errors."""
 
+from functools import partial
 import re
 
 from engine_cases import Case, ENGINES, make_case, with_other_relations, with_payloads
 from engines import Array
 from hypothesis import given
-from largest_error import assert_small
+import largest_error
 import numpy as np
 import pytest
 from random_trees import laws, random_cases
@@ -21,15 +22,10 @@ from robots import robot_urdf
 
 pytestmark = pytest.mark.usefixtures('largest_error')
 TOLERANCE = 1e-9
+assert_near = partial(largest_error.assert_near, TOLERANCE)
 ROBOTS = 'default', 'ur5', 'panda', 'talos_full_v2'
 """Two to 45 joints; panda with prismatic joints, the last two with mimic joints."""
 POINT = np.array([0.05, -0.1, 0.2])
-
-
-def assert_near(actual: Array, expected: Array, what: str) -> None:
-    scale = np.abs(expected).max(initial=0.0)
-    error = np.abs(actual - expected).max(initial=0.0) / (scale if scale > 1e-9 else 1.0)
-    assert_small(float(error), TOLERANCE, what)
 
 
 def far_link(arm: ArmModel) -> str:
@@ -101,7 +97,7 @@ def assert_equation_of_motion(state: TaskSpaceState, case: Case, q: Array, v: Ar
     force = state.inertia @ acceleration + state.coriolis_force + state.gravity_force
     scale = np.abs(state.inertia).max() * np.abs(acceleration).max()
     error = float(np.abs(force - F).max() / max(scale, 1.0))
-    assert_small(error, TOLERANCE, 'Lambda v + mu + p')
+    largest_error.assert_small(error, TOLERANCE, 'Lambda v + mu + p')
 
 
 @laws

@@ -130,8 +130,7 @@ def controller(**changes: Any) -> Controller:
 
 def reached(one: Controller) -> list[float]:
     """Return the final position of the reference."""
-    reference = update(one, 1 + 10**11, np.zeros(2), np.zeros(2)).reference
-    return list(reference.position)
+    return list(update(one, 1 + 10**11, np.zeros(2), np.zeros(2)).reference.position)
 
 
 @pytest.mark.parametrize('is_conditioned', [False, True])
@@ -150,8 +149,7 @@ def test_a_rejected_set_point_leaves_the_reference(is_conditioned):
     (trajectory([50.0, 0.0]), [1.5, 0.0]),
     (trajectory([0.0, 0.0], [0.0, -50.0]), [0.0, -2.0])])
 def test_positions_are_clipped_if_so_chosen(is_conditioned, sent, goal):
-    one = controller(
-        conditions_references=is_conditioned, slows_down=True, clips_positions=True)
+    one = controller(conditions_references=is_conditioned, slows_down=True, clips_positions=True)
     one.follow(sent, 0)
     assert reached(one) == pytest.approx(goal)
 

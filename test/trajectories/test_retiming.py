@@ -221,8 +221,7 @@ def test_gravity_beyond_a_limit_is_rejected(method):
 
 def limited(**limits: Any) -> ArmModel:
     """Return the planar arm with other limits and without gravity."""
-    return replace(
-        PLANAR.arm.with_gravity([0, 0, 0]), limits=replace(PLANAR.arm.limits, **limits))
+    return replace(PLANAR.arm.with_gravity([0, 0, 0]), limits=replace(PLANAR.arm.limits, **limits))
 
 
 @pytest.mark.parametrize(('arm', 'path', 'words'), [

@@ -51,8 +51,7 @@ def test_the_result_keeps_all_limits(name, seed, share):
     result = retime(
         dynamics, path, corner_tolerance=0.05, effort_limit_fraction=share,
         effort_rate_limits=rates)
-    efforts = efforts_along(dynamics, result.trajectory)
-    assert efforts.worst_ratio <= share * 1.005
+    assert efforts_along(dynamics, result.trajectory).worst_ratio <= share * 1.005
     assert not [one for one in motion_excesses(arm, result.trajectory) if 'velocity' in one]
     tau = dynamics.unchecked.rigid_body.inverse_dynamics_batch(*sampled(result.trajectory, 5))
     segments = TrajectorySegments(result.trajectory)

@@ -136,8 +136,7 @@ def test_without_limits_everything_is_feasible():
     urdf = planar_arm_urdf([5.0], [1.0], [0.5], [0.1]).replace('effort="1000.0"', 'effort="0"')
     dynamics = ArmDynamics(load_arm(urdf))
     assert np.isinf(dynamics.arm.limits.effort).all()
-    result = efforts_along(
-        dynamics, quintic_point_to_point(('joint1',), [0.0], [3.0], 0.01))
+    result = efforts_along(dynamics, quintic_point_to_point(('joint1',), [0.0], [3.0], 0.01))
     assert result.feasible
     assert result.worst_ratio == 0.0
     assert result.worst_joint == 'joint1'

@@ -25,8 +25,7 @@ def visuals_of(inside, outside=''):
 
 def one(geometry, more='', outside=''):
     """Return the only visual of a link with this geometry."""
-    (visual,) = visuals_of(
-        f'<visual>{more}<geometry>{geometry}</geometry></visual>', outside)
+    (visual,) = visuals_of(f'<visual>{more}<geometry>{geometry}</geometry></visual>', outside)
     return visual
 
 

@@ -7,10 +7,4 @@ from robot_dynamics_tools.analysis.bag_analysis import analyze_recording, BagAna
 from robot_dynamics_tools.analysis.batch import run_tasks
 from robot_dynamics_tools.analysis.motion_filter import filter_motion, FilteredMotion
 
-__all__ = [
-    'analyze_recording',
-    'BagAnalysis',
-    'filter_motion',
-    'FilteredMotion',
-    'run_tasks',
-]
+__all__ = ['analyze_recording', 'BagAnalysis', 'filter_motion', 'FilteredMotion', 'run_tasks']

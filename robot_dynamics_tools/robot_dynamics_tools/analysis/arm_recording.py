@@ -134,9 +134,7 @@ def _renamed(
     return names
 
 
-def _plausible(
-    series: JointSeries, arm: ArmModel, is_motor_side: bool,
-) -> tuple[JointSeries, int]:
+def _plausible(series: JointSeries, arm: ArmModel, is_motor_side: bool) -> tuple[JointSeries, int]:
     """
     Return the samples within IMPLAUSIBLE times the limits, and the number of the others.
 
@@ -162,8 +160,7 @@ def _plausible(
                 f'{name} beyond {IMPLAUSIBLE[name]:g} times the limit at {listed}. '
                 f'Likely cause: {_CAUSES[name]}')
         good &= is_good.all(axis=1)
-    return (series, 0) if good.all() else (
-        series.at(np.flatnonzero(good)), int((~good).sum()))
+    return (series, 0) if good.all() else (series.at(np.flatnonzero(good)), int((~good).sum()))
 
 
 def _check_degrees(series: JointSeries) -> None:

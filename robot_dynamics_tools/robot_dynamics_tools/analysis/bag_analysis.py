@@ -94,8 +94,7 @@ def analyze_recording(
     if not usable.any():
         raise RecordingError(
             f'recording {str(path)!r} has only samples near gaps and ends, expected others too')
-    causes = () if measured is None else corrected(
-        read.arm, replace(motion, effort=measured))[1]
+    causes = () if measured is None else corrected(read.arm, replace(motion, effort=measured))[1]
     read = replace(read, remarks=(*read.remarks, *filter(None, (
         remark, *(f'likely cause of the residual: {cause}' for cause in causes)))))
     statistics = None if measured is None else residual_statistics(

@@ -76,8 +76,7 @@ def run_tasks(
     Raises MissingDependencyError without the library of `dask`, RobotDynamicsError if the
     scheduler cannot be reached.
     """
-    one = partial(
-        _execute, function, cache=cache, is_valid=is_valid, code=_code_digest())
+    one = partial(_execute, function, cache=cache, is_valid=is_valid, code=_code_digest())
     jobs = list(zip(bags, each or [settings] * len(bags)))
     processes = min(workers or os.cpu_count() or 1, len(bags))
     if dask is not None:
@@ -149,9 +148,8 @@ def _files_of(bag: Path) -> list[Path]:
     if bag.is_file():
         return [bag]
     files = [file for group in storage_groups(bag) for file in group]
-    journals = [file for file in bag.iterdir() if file.name.endswith(('-wal', '-journal'))]
-    metadata = bag / METADATA
-    return [*files, *sorted(journals), *([metadata] if metadata.is_file() else [])]
+    return files + sorted(
+        file for file in bag.iterdir() if file.name.endswith(('-wal', '-journal', METADATA)))
 
 
 @lru_cache
@@ -238,8 +236,7 @@ def _on_dask(
     try:
         client = distributed.Client(scheduler, timeout='10s')
     except (OSError, ValueError, TimeoutError) as error:
-        raise RobotDynamicsError(
-            f'no Dask scheduler answers at {scheduler!r}: {error}') from None
+        raise RobotDynamicsError(f'no Dask scheduler answers at {scheduler!r}: {error}') from None
     with client:
         futures = {
             client.submit(one, (bag.resolve(), settings), pure=False): i

@@ -86,11 +86,9 @@ def learn_contact_levels(
         ratios.append(ratio / scale)
     z = np.max(ratios, axis=0)
     u = _exceeded_by(count, times, z)
-    factor = u + _extrapolated(
-        _peaks(times, z, u) - u, alarms_per_hour / 3600.0 * duration)
+    factor = u + _extrapolated(_peaks(times, z, u) - u, alarms_per_hour / 3600.0 * duration)
     a, b = factor * np.array(lines).T
-    return LearnedLevels(
-        ContactLevels(a, b), duration, factor / np.max(ratios, axis=1))
+    return LearnedLevels(ContactLevels(a, b), duration, factor / np.max(ratios, axis=1))
 
 
 def _peaks(times: FloatArray, ratio: FloatArray, level: float) -> FloatArray:
@@ -104,8 +102,7 @@ def _exceeded_by(count: int, times: FloatArray, ratio: FloatArray) -> float:
     """Return the highest level that this number of contacts exceeds."""
     blocks = np.flatnonzero(np.diff(np.floor(times / SEPARATION), prepend=-np.inf))
     highest = np.sort(np.maximum.reduceat(ratio, blocks))[::-1][:4 * count]
-    i = bisect_left(
-        highest, count, key=lambda level: len(_peaks(times, ratio, float(level))))
+    i = bisect_left(highest, count, key=lambda level: len(_peaks(times, ratio, float(level))))
     return float(highest[min(i, len(highest) - 1)])
 
 

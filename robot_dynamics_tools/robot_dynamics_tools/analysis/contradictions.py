@@ -116,9 +116,7 @@ def _check_degrees(arm: ArmModel, motion: FilteredMotion, cost: float) -> None:
             'Expected radians')
 
 
-def corrected(
-    arm: ArmModel, motion: FilteredMotion,
-) -> tuple[FilteredMotion, tuple[str, ...]]:
+def corrected(arm: ArmModel, motion: FilteredMotion) -> tuple[FilteredMotion, tuple[str, ...]]:
     """Return a motion without the delay of its effort, and all causes that were found."""
     delay, causes = find_contradictions(arm, motion)
     if not delay:
@@ -152,8 +150,7 @@ class _Test:
     def __init__(self, arm: ArmModel, motion: FilteredMotion) -> None:
         self.arm, n = arm, arm.joint_count
         rows = np.flatnonzero(motion.usable)
-        count = len(rows) / samples_per_independent_sample(
-            motion.cutoff_hz, motion.sample_rate_hz)
+        count = len(rows) / samples_per_independent_sample(motion.cutoff_hz, motion.sample_rate_hz)
         rows = rows[::max(1, len(rows) // _MOST_ROWS)]
         body, t, v = RigidBody(arm), motion.times, motion.velocity
         load = np.abs(body.inverse_dynamics_batch(motion.position, v, motion.acceleration))
@@ -164,8 +161,7 @@ class _Test:
         q, v, a = (each[rows] for each in (motion.position, v, motion.acceleration))
         Y = TorqueRegressor(arm)(q, v, a)
         self.times = np.quantile(t[rows], _SPLITS)
-        own = np.concatenate([
-            a[:, :, np.newaxis], np.ones((*a.shape, 1)), sliding[rows]], axis=2)
+        own = np.concatenate([a[:, :, np.newaxis], np.ones((*a.shape, 1)), sliding[rows]], axis=2)
         gravity = [RigidBody(arm.with_gravity(axis)).gravity_batch(q) for axis in np.eye(3)]
         offsets = [(body.inverse_dynamics_batch(q - step, v, a)
                     - body.inverse_dynamics_batch(q + step, v, a)) / (2.0 * _STEP)
@@ -257,8 +253,7 @@ class _Test:
                 x[-1] = -gains[j]
                 S, values = self._without_own(j, *is_used[j])
                 G = self._products[j]
-                found = max(
-                    float(x @ S[np.ix_(columns, columns)] @ x) / powers[j], LEAST_NOISE**2)
+                found = max(float(x @ S[np.ix_(columns, columns)] @ x) / powers[j], LEAST_NOISE**2)
                 joint = -values[:, columns] @ x
                 sliding = joint[_SLIDING:] @ G[_SLIDING:own, _SLIDING] >= 0.0
                 now = (is_used[j][0] and joint[_ROTOR] >= 0.0, is_used[j][1] and bool(sliding))
@@ -302,8 +297,7 @@ class _Test:
             yield f'the effort has the opposite sign at {listed}'
         if first in found:
             g = np.asarray(self.arm.pinocchio_model.gravity.linear)
-            change = np.array([found[first + axis] for axis in range(3)])
-            yield _of_gravity(g, g + change)
+            yield _of_gravity(g, g + np.array([found[first + axis] for axis in range(3)]))
         for j, name in enumerate(names):
             if first + 3 + j in found:
                 value, unit = found[first + 3 + j], 'm'

@@ -101,8 +101,7 @@ def _end_of_effort(efforts: Sequence[FloatArray], rate_hz: float, moving: BoolAr
     """
     frequency, power = spectrum([each - each.mean(axis=0) for each in efforts], rate_hz)
     density = power[frequency > 0.125 * rate_hz].mean(axis=0)
-    band = _thirds_of_octaves(frequency)
-    count = np.bincount(band)
+    band, count = _thirds_of_octaves(frequency)
     ends = np.full(len(density), np.inf)
     for j in np.flatnonzero(moving).tolist():
         total = np.bincount(band, weights=power[1:, j])
@@ -115,10 +114,14 @@ def _end_of_effort(efforts: Sequence[FloatArray], rate_hz: float, moving: BoolAr
     return float(np.median(ends[moving]))
 
 
-def _thirds_of_octaves(frequency: FloatArray) -> IntArray:
-    """Return the number of the third of an octave of each frequency but the first, which is 0."""
-    return np.asarray(
-        np.floor(_BANDS_PER_OCTAVE * np.log2(frequency[1:] / frequency[1])), dtype=np.int64)
+def _thirds_of_octaves(frequency: FloatArray) -> tuple[IntArray, IntArray]:
+    """
+    Return the number of the third of an octave of each frequency but the first, which is 0.
+
+    The second value is how many frequencies each third has.
+    """
+    band = np.floor(_BANDS_PER_OCTAVE * np.log2(frequency[1:] / frequency[1])).astype(np.int64)
+    return band, np.bincount(band)
 
 
 def spectrum(stretches: Sequence[FloatArray], rate_hz: float) -> tuple[FloatArray, FloatArray]:
@@ -133,8 +136,7 @@ def spectrum(stretches: Sequence[FloatArray], rate_hz: float) -> tuple[FloatArra
     total = np.zeros((size // 2 + 1, stretches[0].shape[1]))
     for stretch in stretches:
         for start in range(0, len(stretch) - size + 1, max(size // 2, 1)):
-            piece = stretch[start:start + size]
-            total += np.abs(np.fft.rfft(window * piece, axis=0))**2
+            total += np.abs(np.fft.rfft(window * stretch[start:start + size], axis=0))**2
     return np.asarray(np.fft.rfftfreq(size, 1.0 / rate_hz), dtype=np.float64), total
 
 
@@ -147,8 +149,7 @@ def _end_of_motion(frequency: FloatArray, power: FloatArray) -> float:
     between two parts of a motion is skipped: the velocity beyond it is not small. The function
     compares means over thirds of an octave.
     """
-    band = _thirds_of_octaves(frequency)
-    count = np.bincount(band)
+    band, count = _thirds_of_octaves(frequency)
     mean = np.bincount(band, weights=power[1:]) / np.maximum(count, 1)
     velocity = np.bincount(band, weights=power[1:] / frequency[1:]**2)
     beyond = velocity.sum() - np.cumsum(velocity)

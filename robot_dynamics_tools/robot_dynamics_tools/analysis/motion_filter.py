@@ -69,11 +69,6 @@ class FilteredMotion:
         return np.asarray((self.stamps_ns - self.stamps_ns[0]) / NANOSECONDS_PER_SECOND)
 
     @property
-    def bandwidth(self) -> float:
-        """[Hz], of the white noise that the filter passes."""
-        return noise_bandwidth(self.cutoff_hz, self.sample_rate_hz)
-
-    @property
     def measured_effort(self) -> FloatArray:
         """The effort (m, n); raises RecordingError if none was recorded."""
         if self.effort is None:
@@ -216,8 +211,7 @@ def _filter_segment(
         velocity = position.derivative()
     else:
         grid, recorded = smooth(series.velocity)
-        velocity = make_spline(
-            grid, np.where(bad, position.derivative()(grid), recorded), k=5)
+        velocity = make_spline(grid, np.where(bad, position.derivative()(grid), recorded), k=5)
     found = {'position': position(times), 'velocity': velocity(times),
              'acceleration': velocity.derivative()(times)}
     if series.effort is not None:

@@ -133,8 +133,7 @@ def joint_verdict(
         return without_effort(name)
     size = f'residual {percent(relative)} of the effort'
     if relative <= GOOD:
-        return Verdict(
-            name, Grade.GOOD, f'the model predicts the effort: {size}', 'use the model')
+        return Verdict(name, Grade.GOOD, f'the model predicts the effort: {size}', 'use the model')
     grade = Grade.CHECK if relative <= POOR else Grade.BAD
     text, step = _cause(residual, velocity, model)
     return Verdict(name, grade, f'{text}; {size}', step)

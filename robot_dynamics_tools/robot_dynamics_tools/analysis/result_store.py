@@ -35,8 +35,7 @@ def save_result(directory: Path, key: str, result: object) -> None:
         arrays[name] = value
         return {_ARRAY: name}
 
-    rest = json.dumps(result, default=stored)
-    arrays[_REST] = np.frombuffer(rest.encode(), np.uint8)
+    arrays[_REST] = np.frombuffer(json.dumps(result, default=stored).encode(), np.uint8)
     directory.mkdir(parents=True, exist_ok=True)
     unfinished = directory / f'{key}.{os.getpid()}.part'
     with unfinished.open('wb') as file:
@@ -65,8 +64,7 @@ def plain_value(value: object) -> Any:
     Fields that a dataclass excludes from comparisons are omitted.
     """
     if is_dataclass(value):
-        return {field.name: getattr(value, field.name) for field in fields(value)
-                if field.compare}
+        return {field.name: getattr(value, field.name) for field in fields(value) if field.compare}
     if isinstance(value, np.ndarray):
         return value.tolist()
     raise TypeError(f'{type(value).__name__} cannot be stored, expected a dataclass or an array')

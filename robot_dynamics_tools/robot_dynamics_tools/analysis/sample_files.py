@@ -74,11 +74,6 @@ def write_parquet(columns: Mapping[str, Column], path: Path) -> None:
     parquet.write_table(pyarrow.table(dict(columns)), path)
 
 
-def require_parquet() -> None:
-    """Raise MissingDependencyError if Parquet cannot be written."""
-    optional('pyarrow', 'Parquet')
-
-
 def write_terms(analysis: BagAnalysis, directory: Path) -> None:
     """
     Write a recording of the model's terms, and of the residual, on the original stamps.

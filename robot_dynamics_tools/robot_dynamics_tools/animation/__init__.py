@@ -6,7 +6,4 @@
 from robot_dynamics_tools.animation.chain_animation import chain_frames
 from robot_dynamics_tools.animation.video import write_video
 
-__all__ = [
-    'chain_frames',
-    'write_video',
-]
+__all__ = ['chain_frames', 'write_video']

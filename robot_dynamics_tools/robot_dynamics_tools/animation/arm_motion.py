@@ -86,13 +86,11 @@ def simulate_motion(
     """
     if any(kind != 'continuous' for kind in arm.joint_kinds):
         motion = make_reference_motion(arm, duration)
-        return _simulate(
-            arm, motion.trajectory, motion.start, duration, np.inf, rate, on_time)
+        return _simulate(arm, motion.trajectory, motion.start, duration, np.inf, rate, on_time)
     hanging = lowest_position(arm)
     if arm.friction.is_zero:
         inertia = np.diag(RigidBody(arm).mass_matrix(hanging))
-        arm = arm.with_friction(make_friction(
-            arm.joint_names, [inertia.max() / DAMPING_TIME]))
+        arm = arm.with_friction(make_friction(arm.joint_names, [inertia.max() / DAMPING_TIME]))
     lifted = hanging + FOLD
     lifted[0] = hanging[0] + np.copysign(np.pi, -hanging[0]) + LEAN
     lift = LIFT_FRACTION * duration

@@ -188,8 +188,7 @@ class _Animation:
             now.com_position[i], self._view.weight(i), f'$m_{i + 1}\\,g$', chain_stage.WEIGHT)
         for joint in range(i, n):
             at, pale = now.joint_position[joint], joint > i
-            stage.draw_force(
-                at, now.force[joint], '' if pale else f'$f_{joint + 1}$', pale=pale)
+            stage.draw_force(at, now.force[joint], '' if pale else f'$f_{joint + 1}$', pale=pale)
             stage.draw_moment(
                 at, now.tau[joint], '' if pale else f'$\\tau_{joint + 1}$', pale=pale)
         if i + 1 < n:

@@ -71,8 +71,7 @@ def write_video(path: Path, frames: Iterable[Frame]) -> int:
     first = next(others, None)
     if first is None:
         raise InvalidInputError('the moving picture has 0 frames, expected at least 1')
-    write = _write_gif if path.suffix.lower() == '.gif' else _write_mp4
-    return write(path, first, others)
+    return (_write_gif if path.suffix.lower() == '.gif' else _write_mp4)(path, first, others)
 
 
 def _write_gif(path: Path, first: Frame, others: Iterable[Frame]) -> int:

@@ -18,6 +18,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
@@ -26,7 +27,6 @@ from robot_dynamics_tools.analysis.bag_analysis import STEPS
 from robot_dynamics_tools.analysis.batch import run_tasks, TaskOutcome
 from robot_dynamics_tools.analysis.report import limit_use_rows, residual_rows
 from robot_dynamics_tools.analysis.residual import merged_statistics
-from robot_dynamics_tools.analysis.sample_files import require_parquet
 from robot_dynamics_tools.recordings.bag_files import find_recordings, relative_names
 from robot_dynamics_tools.recordings.topics import ROBOT_DESCRIPTION
 from robot_dynamics_tools.reporting.progress import Progress
@@ -55,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     if arguments.parquet:
-        require_parquet()
+        require('Parquet', 'pyarrow')
         if arguments.output is None:
             raise InvalidInputError('--parquet is given without --output, the output directory')
     bags = find_recordings(arguments.bags, arguments.output)
@@ -65,8 +65,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         'analyze', argv, arguments.urdf, f'{ROBOT_DESCRIPTION} of the recording'))
     kept, each = None, None
     if task.outputs:
-        places = [
-            arguments.output.resolve() / (name if len(bags) > 1 else '') for name in names]
+        places = [arguments.output.resolve() / (name if len(bags) > 1 else '') for name in names]
         kept = options.prepare_directory(
             arguments.output, [place / name for place in places for name in task.outputs],
             arguments)

@@ -124,8 +124,7 @@ def _recorded_motion(
     _check_joints(arm, series, arguments.bag)
     series = series.of_joints(arm.joint_names).unwrapped(arm.is_continuous)
     measured = filter_motion_below(series, CUTOFF)
-    last = measured.times[-1]
-    start = check_scalar('--from', arguments.start, 0.0, last)
+    start = check_scalar('--from', arguments.start, 0.0, measured.times[-1])
     shown = (measured.times >= start) & (measured.times <= start + duration)
     motion = arm_motion.motion_of(
         arm, measured.times[shown] - start, measured.position[shown], measured.velocity[shown],

@@ -26,12 +26,8 @@ from robot_dynamics.model_check.html_page import summary
 from robot_dynamics.tools import command_line
 from robot_dynamics.validation import check_scalar, LARGEST_VALUE
 from robot_dynamics_tools import options
-from robot_dynamics_tools.gravity_calibration import report
+from robot_dynamics_tools.gravity_calibration import recorded_holds, report
 from robot_dynamics_tools.gravity_calibration.calibrated_file import calibrated_file, header
-from robot_dynamics_tools.gravity_calibration.recorded_holds import (
-    calibrate_recordings,
-    RecordedCalibration,
-)
 from robot_dynamics_tools.gravity_calibration.tool_estimate import Tool
 from robot_dynamics_tools.gravity_motion.plan import MotionSettings
 from robot_dynamics_tools.gravity_motion.poses import PoseChoice
@@ -198,7 +194,7 @@ def finish(
 ) -> int:
     """Calibrate from recordings, write the files, print the results; return the exit status."""
     weight, tool = loads(arguments)
-    found = calibrate_recordings(
+    found = recorded_holds.calibrate_recordings(
         bags, options.read_settings(arguments), weighted_bags, weight, tool)
     origin = command_line.origin_of('calibrate_gravity', argv, arguments.urdf, '')
     written = [arguments.output.with_suffix(REPORT)]
@@ -217,7 +213,7 @@ def finish(
     return command_line.DONE if is_good else command_line.FAILED
 
 
-def _print(found: RecordedCalibration, written: Sequence[Path]) -> None:
+def _print(found: recorded_holds.RecordedCalibration, written: Sequence[Path]) -> None:
     verdicts = report.joint_verdicts(found.calibration)
     print(text_table([], report.fact_rows(found)))
     for words, one in (('measured', found.calibration), ('commanded', found.command)):

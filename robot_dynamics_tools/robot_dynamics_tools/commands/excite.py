@@ -100,9 +100,7 @@ def _report(arm: ArmModel, excitation: Excitation, found: ExcitingTrajectory) ->
             f'{found.velocity[j]:.3f} {unit}/s', f'{found.acceleration[j]:.3f} {unit}/s²',
             f'{found.effort[j]:.2f} {units_of(kind).effort}' + (
                 f' ({100.0 * found.effort[j] / limit:.0f} %)' if np.isfinite(limit) else '')))
-    print()
-    print(quantity_table(rows))
-    print()
+    print(f'\n{quantity_table(rows)}\n')
     random = excitation.random_conditions
     print(f'Condition number   {excitation.condition:.1f} of {excitation.parameter_count} base '
           f'parameters, friction and rotors; of {len(random)} random series within the same '

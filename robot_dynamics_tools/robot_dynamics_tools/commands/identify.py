@@ -21,12 +21,7 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
 from robot_dynamics_tools.analysis.batch import run_tasks
-from robot_dynamics_tools.identification import summary
-from robot_dynamics_tools.identification.bag_identification import (
-    BagIdentification,
-    IdentificationSettings,
-    identify_bags,
-)
+from robot_dynamics_tools.identification import bag_identification, summary
 from robot_dynamics_tools.identification.pipeline import STAGES
 from robot_dynamics_tools.identification.report import file_notes, FILES, write_identification
 from robot_dynamics_tools.recordings.bag_files import find_recordings
@@ -90,7 +85,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     payloads = [
         (recording, make_payload(link, values[0], values[1:] or (0.0, 0.0, 0.0)))
         for recording, link, values in arguments.payload]
-    identification = IdentificationSettings(
+    identification = bag_identification.IdentificationSettings(
         settings, arguments.train_fraction,
         tuple(load for recording, load in payloads if not recording),
         tuple((recording, load) for recording, load in payloads if recording))
@@ -105,7 +100,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         arguments.output, [arguments.output / name for name in (*FILES, *samples)], arguments)
     kept = directory if len(bags) > 1 else None
     with Progress(3 * len(bags) + 2, 'steps') as progress:
-        found = identify_bags(
+        found = bag_identification.identify_bags(
             bags, identification, partial(
                 run_tasks, workers=arguments.jobs, cache=kept, dask=arguments.dask,
                 on_done=progress.advance),
@@ -120,7 +115,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
 
 
 def print_identification(
-    found: BagIdentification, paths: Sequence[Path], notes: Sequence[str],
+    found: bag_identification.BagIdentification, paths: Sequence[Path], notes: Sequence[str],
 ) -> None:
     """Print the results, the paths of the files, and notes about them."""
     identification = found.identification

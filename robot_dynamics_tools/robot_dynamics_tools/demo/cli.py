@@ -85,8 +85,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     for option, other in (('trajectory', 'replay'), ('trajectory', 'duration'),
                           ('parameters', 'replay'), ('viewer', 'replay')):
         if None not in (getattr(arguments, option), getattr(arguments, other)):
-            raise InvalidInputError(
-                f'--{option} is given with --{other}, expected one of the two')
+            raise InvalidInputError(f'--{option} is given with --{other}, expected one of the two')
     require_ros('the demo')
     if arguments.viewer is not None:
         require('demo --viewer', 'viser')
@@ -108,11 +107,12 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
 def _closed_loop(
     arguments: argparse.Namespace, given: str | None, directory: Path, origin: 'Origin',
 ) -> int:
+    from robot_dynamics.model.arm_parameters import arm_from_parameters
     from robot_dynamics_tools.demo.loop import run_closed_loop
     from robot_dynamics_tools.demo.report import loop_report, print_report, write_loop_page
     from robot_dynamics_tools.demo.session import PICTURE, RECORDING, REPORT
     urdf = _written(given or options.read_robot(None), directory)
-    arm = _arm(urdf, arguments.parameters)
+    arm = arm_from_parameters(urdf, options.read_parameters(arguments.parameters))
     run = run_closed_loop(
         arm, urdf, _motion(arm, arguments), arguments.rate or DEFAULT_RATE, directory,
         arguments.parameters, None if arguments.viewer is None else (
@@ -137,11 +137,6 @@ def _closed_loop(
             f'did not track: RMS error too large at {", ".join(report.missed)}')
     print('All joints tracked.')
     return command_line.DONE
-
-
-def _arm(urdf: str, parameters: Path | None) -> 'ArmModel':
-    from robot_dynamics.model.arm_parameters import arm_from_parameters
-    return arm_from_parameters(urdf, options.read_parameters(parameters))
 
 
 def _motion(arm: 'ArmModel', arguments: argparse.Namespace) -> 'ReferenceMotion':

@@ -137,8 +137,7 @@ def _close_the_loop(session: Session, run: LoopRun) -> None:
         JointTrajectoryMsg, Session.TRAJECTORY, QoSProfile(depth=1))
     session.wait_for(
         lambda: counts[Session.EFFORT_COMMAND].received > 0, 'an effort on effort_command')
-    session.wait_for(
-        lambda: counts[Session.JOINT_STATES].received > 0, 'a state on joint_states')
+    session.wait_for(lambda: counts[Session.JOINT_STATES].received > 0, 'a state on joint_states')
     session.wait_for(
         lambda: bool(publisher.get_subscription_count() >= 2),  # dynamics, and the recorder
         f'a subscriber of {Session.TRAJECTORY}')

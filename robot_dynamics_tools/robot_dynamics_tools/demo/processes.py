@@ -128,8 +128,7 @@ class NodeProcess:
 
     def interrupt(self) -> None:
         """Ask the process to exit, as Ctrl-C does."""
-        if self._process.poll() is None:
-            self._process.send_signal(signal.SIGINT)
+        self._process.send_signal(signal.SIGINT)
 
     def wait(self, deadline: float) -> None:
         """Wait until the process has exited; kill it after the deadline (monotonic)."""

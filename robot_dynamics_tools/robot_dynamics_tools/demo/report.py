@@ -100,9 +100,7 @@ def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport
 
 def print_report(report: LoopReport, run: LoopRun) -> None:
     """Print errors per joint, and rates."""
-    print()
-    print(quantity_table(error_rows(report)))
-    print()
+    print(f'\n{quantity_table(error_rows(report))}\n')
     print('\n'.join(rate_lines(report, run)))
 
 

@@ -6,7 +6,4 @@
 from robot_dynamics_tools.excitation.demo_motion import make_reference_motion
 from robot_dynamics_tools.excitation.excitation import find_excitation
 
-__all__ = [
-    'find_excitation',
-    'make_reference_motion',
-]
+__all__ = ['find_excitation', 'make_reference_motion']

@@ -122,8 +122,7 @@ def motion_along(arm: ArmModel, trajectory: JointTrajectory) -> ReferenceMotion:
     Raises InvalidInputError if it has only one point, or starts outside the limits.
     """
     if trajectory.is_set_point:
-        raise InvalidInputError(
-            'the trajectory has 1 point, expected at least 2')
+        raise InvalidInputError('the trajectory has 1 point, expected at least 2')
     q0 = _checked_start(arm, trajectory.points[0].position)
     dynamics = ArmDynamics(arm)
     q, v, a = _sample(trajectory)
@@ -136,16 +135,14 @@ def motion_along(arm: ArmModel, trajectory: JointTrajectory) -> ReferenceMotion:
 def sample_trajectory(trajectory: JointTrajectory, times: FloatArray) -> Reference:
     """Return position, velocity and acceleration, each (samples, n), at `times` [s] from 0."""
     first = trajectory.points[0].position
-    rest = Reference(first, np.zeros_like(first), np.zeros_like(first))
-    active = ActiveTrajectory(trajectory, 0, 0, rest)
+    active = ActiveTrajectory(trajectory, 0, 0, Reference(first, *np.zeros((2, len(first)))))
     samples = [active.sample(round(1e9 * t)) for t in times.tolist()]
     return Reference(*(np.array(rows) for rows in zip(*samples)))
 
 
 def _checked_start(arm: ArmModel, start: FloatArray) -> FloatArray:
     q0 = check_vector('start', start, arm.joint_count, arm.joint_names)
-    for name, value, low, high in zip(
-            arm.joint_names, q0, arm.limits.lower, arm.limits.upper):
+    for name, value, low, high in zip(arm.joint_names, q0, arm.limits.lower, arm.limits.upper):
         if not low <= value <= high:
             raise InvalidInputError(
                 f'start of {name!r} is {value:g}, expected a position in [{low:g}, {high:g}]')

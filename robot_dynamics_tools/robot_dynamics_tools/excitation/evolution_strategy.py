@@ -17,24 +17,29 @@ candidates is per element and uses no BLAS kernel. scipy has no CMA evolution st
 
 from collections.abc import Callable
 import math
-from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 
 
-class _Constants(NamedTuple):
+class _Constants:
     """Constants of the strategy in d dimensions, with the names of the tutorial."""
 
-    population: int
-    weights: FloatArray
-    mu_eff: float
-    c_sigma: float
-    d_sigma: float
-    c_c: float
-    c_1: float
-    c_mu: float
-    chi: float
+    def __init__(self, d: int) -> None:
+        self.population = 4 + int(3.0 * math.log(d))
+        mu = self.population // 2
+        weights = math.log(mu + 0.5) - np.log(np.arange(1.0, mu + 1.0))
+        self.weights = weights / weights.sum()
+        mu_eff = self.mu_eff = float(1.0 / (self.weights**2).sum())
+        self.c_sigma = (mu_eff + 2.0) / (d + mu_eff + 5.0)
+        slower = max(0.0, math.sqrt((mu_eff - 1.0) / (d + 1.0)) - 1.0)
+        self.d_sigma = 1.0 + 2.0 * slower + self.c_sigma
+        self.c_c = (4.0 + mu_eff / d) / (d + 4.0 + 2.0 * mu_eff / d)
+        faster = (d + 2.0) / 3.0  # faster learning: d variances instead of d (d + 1) / 2
+        self.c_1 = faster * 2.0 / ((d + 1.3)**2 + mu_eff)
+        c_mu = faster * 2.0 * (mu_eff - 2.0 + 1.0 / mu_eff) / ((d + 2.0)**2 + mu_eff)
+        self.c_mu = min(1.0 - self.c_1, c_mu)
+        self.chi = math.sqrt(d) * (1.0 - 1.0 / (4.0 * d) + 1.0 / (21.0 * d * d))
 
 
 def minimize_by_rank(
@@ -48,7 +53,7 @@ def minimize_by_rank(
 
     `when_done` is called with the number of completed generations.
     """
-    c = _constants(len(start))
+    c = _Constants(len(start))
     mean, sigma = start, step
     variance = np.ones_like(start)
     p_sigma, p_c = np.zeros_like(start), np.zeros_like(start)
@@ -79,21 +84,3 @@ def minimize_by_rank(
 
 def _weighted(weights: FloatArray, rows: FloatArray) -> FloatArray:
     return np.asarray((weights[:, np.newaxis] * rows).sum(axis=0))
-
-
-def _constants(d: int) -> _Constants:
-    population = 4 + int(3.0 * math.log(d))
-    mu = population // 2
-    weights = math.log(mu + 0.5) - np.log(np.arange(1.0, mu + 1.0))
-    weights /= weights.sum()
-    mu_eff = float(1.0 / (weights**2).sum())
-    c_sigma = (mu_eff + 2.0) / (d + mu_eff + 5.0)
-    faster = (d + 2.0) / 3.0  # faster learning: d variances instead of d (d + 1) / 2
-    c_1 = faster * 2.0 / ((d + 1.3)**2 + mu_eff)
-    c_mu = faster * 2.0 * (mu_eff - 2.0 + 1.0 / mu_eff) / ((d + 2.0)**2 + mu_eff)
-    return _Constants(
-        population, weights, mu_eff, c_sigma,
-        1.0 + 2.0 * max(0.0, math.sqrt((mu_eff - 1.0) / (d + 1.0)) - 1.0) + c_sigma,
-        (4.0 + mu_eff / d) / (d + 4.0 + 2.0 * mu_eff / d),
-        c_1, min(1.0 - c_1, c_mu),
-        math.sqrt(d) * (1.0 - 1.0 / (4.0 * d) + 1.0 / (21.0 * d * d)))

@@ -162,12 +162,10 @@ class _Search:
     def _swung(self, x: FloatArray, basis: Basis) -> FloatArray:
         """Return the coefficients of x scaled to the largest amplitude of each joint."""
         coefficients = x.reshape(self._shape)
-        return coefficients * self._limits.largest_scale(
-            *(part @ coefficients for part in basis))
+        return coefficients * self._limits.largest_scale(*(part @ coefficients for part in basis))
 
     def _effort_ratio(self, motion: Reference) -> float:
-        return effort_ratio(
-            self._dynamics.inverse_dynamics_batch(*motion), self._limits.effort)
+        return effort_ratio(self._dynamics.inverse_dynamics_batch(*motion), self._limits.effort)
 
 
 def find_excitation(
@@ -183,8 +181,7 @@ def find_excitation(
     the completed fraction of the search. Raises InvalidInputError.
     """
     if harmonics > MOST_HARMONICS:
-        raise InvalidInputError(
-            f'harmonics is {harmonics}, expected at most {MOST_HARMONICS}')
+        raise InvalidInputError(f'harmonics is {harmonics}, expected at most {MOST_HARMONICS}')
     search = _Search(dynamics, limits, harmonics, duration)
     random = np.random.default_rng(seed)
     guesses = [random.normal(size=search.count) for _ in range(RANDOM_MOTIONS)]

@@ -113,10 +113,8 @@ def start_pose(dynamics: ArmDynamics) -> FloatArray:
     pattern = np.resize(_START_PATTERN, arm.joint_count)
     poses = [0.5 * (low + high + scale * pattern * (high - low)) for scale in _START_SCALES]
     ratios = [effort_ratio(dynamics.gravity(q), arm.limits.effort) for q in poses]
-    for q, ratio in zip(poses, ratios):
-        if ratio <= 0.5:
-            return q
-    return poses[int(np.argmin(ratios))]
+    return next((q for q, ratio in zip(poses, ratios) if ratio <= 0.5),
+                poses[int(np.argmin(ratios))])
 
 
 def effort_ratio(efforts: FloatArray, limit: FloatArray) -> float:

@@ -24,14 +24,9 @@ from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.worst_gravity import sample_positions
 from robot_dynamics_tools.estimated_weights import NORMAL
-from robot_dynamics_tools.gravity_calibration import scale_fit
+from robot_dynamics_tools.gravity_calibration import scale_fit, tool_estimate
 from robot_dynamics_tools.gravity_calibration.gravity_model import gravity_regressor, link_columns
 from robot_dynamics_tools.gravity_calibration.holds import Hold, pair_holds, PairedHolds
-from robot_dynamics_tools.gravity_calibration.tool_estimate import (
-    estimate_tool,
-    Tool,
-    ToolEstimate,
-)
 
 LEAST_POSES = 4
 """Smallest number of poses that a joint must approach from both sides."""
@@ -85,7 +80,7 @@ class Calibration:
     arm: ArmModel
     reference: ScaleReference
     sets: tuple[HoldSet, ...]
-    tool: ToolEstimate | None
+    tool: tool_estimate.ToolEstimate | None
     scale: FloatArray
     offset: FloatArray
     scale_interval: FloatArray
@@ -108,7 +103,7 @@ class Calibration:
 
 def calibrate_holds(
     arm: ArmModel, without_weight: Sequence[Hold], with_weight: Sequence[Hold] = (),
-    weight: Payload | None = None, tool: Tool | None = None,
+    weight: Payload | None = None, tool: tool_estimate.Tool | None = None,
 ) -> Calibration:
     """
     Return the calibration from holds, those `with_weight` with a known weight on a link.
@@ -150,7 +145,7 @@ def calibrate_holds(
     spread = fit.spread(np.eye(2 * n, len(fit.is_lost)))
     return Calibration(
         arm, reference, tuple(sets),
-        None if tool is None else estimate_tool(
+        None if tool is None else tool_estimate.estimate_tool(
             arm, tool, weight is not None, basis, fit),
         scale, offset,
         np.where(is_observable, spread.interval[:n] * scale**2, np.inf),
@@ -183,7 +178,8 @@ def _covariance(
 
 
 def _observations(
-    arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None, reference: ScaleReference,
+    arm: ArmModel, sets: Sequence[HoldSet], tool: tool_estimate.Tool | None,
+    reference: ScaleReference,
 ) -> tuple[scale_fit.Observations, FloatArray]:
     """Return the equations of all sets, and the gravity parameters (4 × bodies, k) of β."""
     Y = np.concatenate([
@@ -226,8 +222,7 @@ def _fit(
     n = arm.joint_count
     fit = scale_fit.fit_scales(seen, np.full(n, np.nan))
     deviation = fit.spread(np.eye(n, len(fit.is_lost))).deviation
-    is_observable = seen.is_used.any(axis=0) & (
-        deviation < UNOBSERVABLE * np.abs(fit.inverse))
+    is_observable = seen.is_used.any(axis=0) & (deviation < UNOBSERVABLE * np.abs(fit.inverse))
     if not is_observable.any():
         span = np.ptp(seen.known + seen.columns @ fit.beta, axis=0)
         raise InvalidInputError(

@@ -27,8 +27,7 @@ def gravity_regressor(arm: ArmModel, q: FloatArray) -> FloatArray:
     """Return Y (m, n, 4 × bodies) at positions (m, n); bodies as in `regressor`."""
     zero = np.zeros_like(q)
     Y = TorqueRegressor(arm)(q, zero, zero)
-    kept = np.arange(Y.shape[2]) % COUNT < len(NAMES)
-    return np.asarray(Y[:, :, kept])
+    return np.asarray(Y[:, :, np.arange(Y.shape[2]) % COUNT < len(NAMES)])
 
 
 def link_columns(arm: ArmModel, link: str) -> FloatArray:

@@ -189,8 +189,7 @@ def pair_holds(holds: Sequence[Hold], joint_kinds: Sequence[str]) -> PairedHolds
         ups, downs = (sides == 1).sum(axis=0), (sides == -1).sum(axis=0)
         weights = np.zeros((len(tolerance), len(holds)))
         for j in np.flatnonzero(ups * downs):
-            weights[j, pose] = 0.5 * (
-                (sides[:, j] == 1) / ups[j] + (sides[:, j] == -1) / downs[j])
+            weights[j, pose] = 0.5 * ((sides[:, j] == 1) / ups[j] + (sides[:, j] == -1) / downs[j])
         if weights.any():
             found.append(weights)
             times.append(holds[pose[0]].start)

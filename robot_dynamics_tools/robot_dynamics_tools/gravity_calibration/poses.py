@@ -69,8 +69,7 @@ def select_poses(
         raise InvalidInputError(f'count is {count}, expected {COUNTS[0]} to {COUNTS[1]} poses')
     low, high = _bounds(arm, lower, upper)
     positions, gravity = _candidates(arm, low, high, count, np.random.default_rng(seed))
-    J = _information_rows(arm, positions, gravity)
-    chosen = _d_optimal(J, count)
+    chosen = _d_optimal(_information_rows(arm, positions, gravity), count)
     order = _short_order(positions[chosen], 0.5 * (low + high))
     return CalibrationPoses(positions[chosen][order], gravity[chosen][order])
 

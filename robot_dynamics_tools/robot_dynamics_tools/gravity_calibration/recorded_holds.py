@@ -97,8 +97,7 @@ def _joined(parts: Sequence[Sequence[Hold]]) -> tuple[Hold, ...]:
     holds: list[Hold] = []
     for part in parts:
         before = holds[-1].end if holds else 0.0
-        holds += [hold._replace(start=hold.start + before, end=hold.end + before)
-                  for hold in part]
+        holds += [hold._replace(start=hold.start + before, end=hold.end + before) for hold in part]
     return tuple(holds)
 
 

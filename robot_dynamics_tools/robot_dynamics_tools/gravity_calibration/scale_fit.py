@@ -101,8 +101,7 @@ def model_effort(
 
 def effort_jacobian(inverse: FloatArray, beta: FloatArray, seen: Observations) -> FloatArray:
     """Return the derivative (P, n, 2n + k) of the modelled effort by k, o and β."""
-    return joint_columns(
-        seen.known + seen.columns @ beta, 1.0, inverse[:, None] * seen.columns)
+    return joint_columns(seen.known + seen.columns @ beta, 1.0, inverse[:, None] * seen.columns)
 
 
 def joint_columns(of_scale: FloatArray, of_offset: float, of_beta: FloatArray) -> FloatArray:
@@ -139,8 +138,7 @@ def fit_scales(seen: Observations, assumed: FloatArray) -> ScaleFit:
         freedom = np.maximum(rows - leverage, 1.0)
         squares = (_residual(seen, values)**2).sum(axis=0)
         noise = np.maximum(np.sqrt(squares / freedom), floor)
-    basis, back, is_lost, condition = decomposed(
-        _weighted_jacobian(seen, assumed, noise, values))
+    basis, back, is_lost, condition = decomposed(_weighted_jacobian(seen, assumed, noise, values))
     joint = np.append(np.tile(np.arange(n), len(seen.effort)), np.full(n, n))
     parts = np.array([
         back @ (basis[joint == j].T @ basis[joint == j]) @ back.T for j in range(n + 1)])

@@ -171,8 +171,7 @@ def _given_or(
     """Return the value of each joint (n,); the defaults are as those of `per_joint`."""
     if given is None:
         return per_joint(defaults, arm.joint_kinds)
-    return np.full(
-        arm.joint_count, check_scalar(option, given, 0.0, 1e3, exclusive_minimum=True))
+    return np.full(arm.joint_count, check_scalar(option, given, 0.0, 1e3, exclusive_minimum=True))
 
 
 def _number(text: str) -> float | str:

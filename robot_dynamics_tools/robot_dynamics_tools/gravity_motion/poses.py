@@ -55,8 +55,7 @@ def chosen_poses(
         count = int(check_scalar('--count', choice.number, *COUNTS))
         loaded = arm if weight is None else arm.with_payloads([*arm.payloads, weight])
         within = approach_distance(arm)
-        poses = select_poses(
-            loaded, count, low - within, high + within, choice.seed).positions
+        poses = select_poses(loaded, count, low - within, high + within, choice.seed).positions
     names, slack = arm.joint_names, 1e-9
     for i, j in np.argwhere((poses < low - slack) | (poses > high + slack))[:1]:
         raise InvalidInputError(

@@ -41,9 +41,7 @@ def preview(plan: MotionPlan, node: str, weight: Payload | None, outputs: Sequen
     return '\n\n'.join([*blocks, text_table([], _facts(plan, weight, outputs)), NOT_CHECKED])
 
 
-def _facts(
-    plan: MotionPlan, weight: Payload | None, outputs: Sequence[object],
-) -> list[list[str]]:
+def _facts(plan: MotionPlan, weight: Payload | None, outputs: Sequence[object]) -> list[list[str]]:
     arm = plan.arm
     way = plan.poses[0] - plan.start
     farthest = int(np.argmax(np.abs(way) / plan.velocity))

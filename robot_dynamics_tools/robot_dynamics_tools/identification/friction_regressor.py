@@ -59,8 +59,7 @@ INERTIA = 0
 PAYLOAD = 1 + len(FRICTION_COLUMNS)
 """The column of the known effort of payloads, which belongs to no friction structure."""
 COLUMN_COUNT = PAYLOAD + 1
-COLUMN_NAMES = (
-    'reflected inertia', *(column.name for column in FRICTION_COLUMNS), 'payload')
+COLUMN_NAMES = ('reflected inertia', *(column.name for column in FRICTION_COLUMNS), 'payload')
 
 
 def _where(is_one: Callable[[Column], bool]) -> IntArray:

@@ -28,11 +28,7 @@ from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import LinkBody, read_bodies
 from robot_dynamics.urdf.yaml_text import dump_yaml
 from robot_dynamics.validation import lower_triangle
-from robot_dynamics_tools.identification.friction_regressor import (
-    FRICTION_COLUMNS,
-    INERTIA,
-    scales_of,
-)
+from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.regularized_fit import Fit
 
 _LEAST = 1e-15
@@ -146,10 +142,10 @@ _INERTIAS = ('actuator.rotor_inertia', 'actuator.reflected_inertia')
 
 def fitted_friction(arm: ArmModel, fit: Fit) -> JointFriction:
     """Return the friction of the joints; the width of a term that is not used is its default."""
-    scale = scales_of(arm.joint_kinds)
+    scale = friction_regressor.scales_of(arm.joint_kinds)
     values: dict[str, Any] = {field.name: scale * (field.default or 0.0)
                               for field in FRICTION_FIELDS if field.heading}
-    for i, column in enumerate(FRICTION_COLUMNS, 1):
+    for i, column in enumerate(friction_regressor.FRICTION_COLUMNS, 1):
         values[column.parameter.name] = values[column.parameter.name] + fit.joint_values[:, i]
         if column.width:
             is_used = [i in structure.columns for structure in fit.structures]
@@ -176,8 +172,7 @@ def parameter_values(
 
     replaced = ('friction.', 'robot_description', 'uncertainty.', *(
         ('actuator.',) if arm.actuators is None else _INERTIAS))
-    kept = {name: value for name, value in (given or {}).items()
-            if not name.startswith(replaced)}
+    kept = {name: value for name, value in (given or {}).items() if not name.startswith(replaced)}
     values: dict[str, Any] = {
         'command': kept.get('command', 'none'),
         'joints': list(arm.joint_names),
@@ -185,7 +180,7 @@ def parameter_values(
         **{f'friction.{field.name}': rounded(getattr(friction, field.name))
            for field in FRICTION_FIELDS if field.heading},
     }
-    rotors = rounded(fit.joint_values[:, INERTIA].tolist())
+    rotors = rounded(fit.joint_values[:, friction_regressor.INERTIA].tolist())
     if any(rotors):
         values['actuator.reflected_inertia'] = rotors
     if drive_gain is not None:

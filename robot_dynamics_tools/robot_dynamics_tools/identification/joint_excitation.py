@@ -49,8 +49,7 @@ class JointExcitation:
     @property
     def shares(self) -> FloatArray:
         """The shares of the moving samples that move forward and backward, (n, 2)."""
-        count = np.maximum(self.moments[:, _ONE, _ONE], 1.0)
-        mean = self.moments[:, _SIGN, _ONE] / count
+        mean = self.moments[:, _SIGN, _ONE] / np.maximum(self.moments[:, _ONE, _ONE], 1.0)
         return np.column_stack([0.5 * (1.0 + mean), 0.5 * (1.0 - mean)])
 
     @property

@@ -99,8 +99,7 @@ def joint_verdict(name: str, urdf: float, simple: float, consistent: float) -> V
                        f'{which} predicts the effort better than the identified model: {size}',
                        RECORD)
     if consistent <= GOOD:
-        return Verdict(
-            name, Grade.GOOD, f'the identified model predicts the effort: {size}', USE)
+        return Verdict(name, Grade.GOOD, f'the identified model predicts the effort: {size}', USE)
     if consistent > POOR:
         return Verdict(name, Grade.BAD, f'the model explains less than half of the effort: {size}',
                        UNIT)

@@ -26,22 +26,10 @@ from robot_dynamics.model.regressor import (
     TorqueRegressor,
 )
 from robot_dynamics_tools.analysis.motion_filter import FilteredMotion
-from robot_dynamics_tools.identification import steps
+from robot_dynamics_tools.identification import model_selection, recording_agreement, steps
 from robot_dynamics_tools.identification.drive_gains import drive_gains, GainEstimate
 from robot_dynamics_tools.identification.friction_regressor import FrictionStructure
-from robot_dynamics_tools.identification.model_selection import (
-    choose_model,
-    fit_models,
-    FittedModels,
-)
 from robot_dynamics_tools.identification.qr_information import merge, QrInformation
-from robot_dynamics_tools.identification.recording_agreement import (
-    contradicting_recordings,
-    difference_from_urdf,
-    far_from_urdf,
-    gravity_ratios,
-    USUAL_REGULARIZATION,
-)
 from robot_dynamics_tools.identification.regularized_fit import grams_of, make_prior, Prior, solve
 from robot_dynamics_tools.identification.uncertainty import estimate_parameters, ParameterEstimate
 
@@ -64,7 +52,7 @@ class Identification:
     """
 
     arm: ArmModel
-    models: FittedModels
+    models: model_selection.FittedModels
     base: BaseParameters
     estimate: ParameterEstimate
     information: QrInformation
@@ -99,9 +87,7 @@ def prior_of(arm: ArmModel) -> Prior:
     return make_prior(inertial_parameters(bare), inertia, arm.limits.velocity)
 
 
-def base_parameters_of(
-    arm: ArmModel, gravities: Sequence[Sequence[float]] = (),
-) -> BaseParameters:
+def base_parameters_of(arm: ArmModel, gravities: Sequence[Sequence[float]] = ()) -> BaseParameters:
     """
     Return the base parameters of the arm's bodies and the reflected inertia of its rotors.
 
@@ -119,10 +105,10 @@ def base_parameters_of(
 def fit_model(
     arm: ArmModel, information: QrInformation,
     first: Sequence[FrictionStructure] | None = None,
-) -> FittedModels:
+) -> model_selection.FittedModels:
     """Return the models that are fitted to the information of all recordings."""
-    return fit_models(
-        information.together(), *choose_model(information, prior_of(arm), first),
+    return model_selection.fit_models(
+        information.together(), *model_selection.choose_model(information, prior_of(arm), first),
         inertial_parameters(arm.with_payloads(())))
 
 
@@ -169,10 +155,9 @@ def identify_recordings(
     models = fit_model(arm, information, begun.problem.structures)
     base = base_parameters_of(arm.with_payloads(()))
     estimate = estimate_parameters(information, base, models.problem)
-    odd = contradicting_recordings(parts, models.problem)
+    odd = recording_agreement.contradicting_recordings(parts, models.problem)
     on_stage(STAGES[4])
-    evaluated = recordings.evaluate(steps.Evaluation(
-        models.by_name, scale, keeps_samples))
+    evaluated = recordings.evaluate(steps.Evaluation(models.by_name, scale, keeps_samples))
     for i, text in odd.items():
         facts = evaluated[i].facts
         evaluated[i] = replace(evaluated[i], facts=replace(
@@ -183,13 +168,13 @@ def identify_recordings(
     if is_cross_validated:
         tests = steps.cross_validated_tests(information, models, tests)
     usual = solve(grams_of(information.together()), models.problem._replace(
-        regularization=USUAL_REGULARIZATION))
-    ratios = gravity_ratios(arm.with_payloads(()), usual, np.concatenate([
+        regularization=recording_agreement.USUAL_REGULARIZATION))
+    ratios = recording_agreement.gravity_ratios(arm.with_payloads(()), usual, np.concatenate([
         recording.shown.position[::_EVERY] for recording in evaluated]))
     return Identification(
         arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated),
-        difference_from_urdf(models.consistent, models.problem.prior),
-        far_from_urdf(arm.joint_names, ratios), is_cross_validated)
+        recording_agreement.difference_from_urdf(models.consistent, models.problem.prior),
+        recording_agreement.far_from_urdf(arm.joint_names, ratios), is_cross_validated)
 
 
 def _first_pass(

@@ -62,10 +62,6 @@ class QrInformation:
         return tuple(i for i in range(BLOCKS) if self.rows[2 * i] > 0.0)
 
     @property
-    def sample_count(self) -> int:
-        return int(self.rows.sum())
-
-    @property
     def samples_per_independent_sample(self) -> FloatArray:
         """The number of samples that count as one independent sample, (n,)."""
         return np.asarray(self.correlation / max(float(self.rows.sum()), 1.0))
@@ -154,8 +150,7 @@ def merge(parts: Sequence[QrInformation]) -> QrInformation:
         blocks = len(part.folds)
         shifts.append(2 * start if blocks < BLOCKS else 0)
         start = (start + blocks) % BLOCKS
-    slots = np.stack([
-        np.roll(part.factors, shift, axis=0) for part, shift in zip(parts, shifts)])
+    slots = np.stack([np.roll(part.factors, shift, axis=0) for part, shift in zip(parts, shifts)])
     merged = QrInformation(
         first.joint_names, first.columns,
         np.stack([stack_factors(slots[:, slot]) for slot in range(slots.shape[1])]),

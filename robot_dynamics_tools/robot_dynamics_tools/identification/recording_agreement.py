@@ -16,15 +16,9 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.pseudo_inertia import COUNT, pseudo_inertia_matrix
 from robot_dynamics.model.regressor import inertial_parameters, TorqueRegressor
+from robot_dynamics_tools.identification import regularized_fit
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
 from robot_dynamics_tools.identification.qr_information import QrInformation
-from robot_dynamics_tools.identification.regularized_fit import (
-    Fit,
-    grams_of,
-    Prior,
-    Problem,
-    solve,
-)
 
 LEAST_RATIO = 2.0
 """Ratio of the residuals of a common model and of separate ones that is a contradiction."""
@@ -42,7 +36,9 @@ _LEAST_SHARE = 0.1
 _LEAST_EIGENVALUE = 1e-9
 
 
-def contradicting_recordings(parts: Sequence[QrInformation], problem: Problem) -> dict[int, str]:
+def contradicting_recordings(
+    parts: Sequence[QrInformation], problem: regularized_fit.Problem,
+) -> dict[int, str]:
     """
     Return the recordings that contradict the others, by number, with a sentence about each.
 
@@ -50,12 +46,12 @@ def contradicting_recordings(parts: Sequence[QrInformation], problem: Problem) -
     model.
     """
     problem = problem._replace(regularization=REGULARIZATIONS[0])
-    grams = [grams_of(part.together()) for part in parts]
+    grams = [regularized_fit.grams_of(part.together()) for part in parts]
     left, found = list(range(len(parts))), dict[int, str]()
 
     def squares(chosen: Sequence[int]) -> FloatArray:
         own = np.sum([grams[i] for i in chosen], axis=0)
-        return solve(own, problem).squares(own)
+        return regularized_fit.solve(own, problem).squares(own)
 
     while len(left) > 1:
         together = squares(left)
@@ -77,7 +73,7 @@ def contradicting_recordings(parts: Sequence[QrInformation], problem: Problem) -
     return found
 
 
-def difference_from_urdf(fit: Fit, prior: Prior) -> FloatArray:
+def difference_from_urdf(fit: regularized_fit.Fit, prior: regularized_fit.Prior) -> FloatArray:
     """
     Return how much each body of a consistent fit differs from that of the URDF, (b,).
 
@@ -98,7 +94,7 @@ def factor_of(difference: FloatArray) -> float:
     return float(np.exp(np.sqrt(np.mean(difference**2))))
 
 
-def gravity_ratios(arm: ArmModel, fit: Fit, q: FloatArray) -> FloatArray:
+def gravity_ratios(arm: ArmModel, fit: regularized_fit.Fit, q: FloatArray) -> FloatArray:
     """
     Return the RMS (n,) of the gravity torque of a fit by that of the URDF, at positions q (m, n).
 

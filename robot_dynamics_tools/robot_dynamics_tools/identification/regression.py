@@ -69,8 +69,7 @@ def regression_rows(
     return np.concatenate([Y, own[::step]], axis=2), efforts[::step]
 
 
-def model_effort(arm: ArmModel, motion: FilteredMotion, fit: Fit) -> tuple[
-        FloatArray, FloatArray]:
+def model_effort(arm: ArmModel, motion: FilteredMotion, fit: Fit) -> tuple[FloatArray, FloatArray]:
     """
     Return the efforts (m, n) of a fit along a motion, and for single states, with the payload.
 
@@ -147,8 +146,7 @@ def reduce_motion(
         1.0, samples_per_independent_sample(motion.cutoff_hz, motion.sample_rate_hz) / step))
     if reference is not None:
         residual = y - np.einsum('mjk,jk->mj', X, reference.theta, optimize=True)
-        independent = np.maximum(independent, [
-            correlation_time(residual[:, j]) for j in range(n)])
+        independent = np.maximum(independent, [correlation_time(residual[:, j]) for j in range(n)])
         root = np.sqrt(huber_weights(residual))
         X, y = X * root[:, :, np.newaxis], y * root
     gap = int(np.ceil(rate / motion.cutoff_hz))

@@ -191,8 +191,7 @@ def solve(grams: FloatArray, problem: Problem) -> Fit:
         H[:p, :p] += G[:p, :p]
         H[:p, part] = G[:p, columns]
         H[part, :p] = H[:p, part].T
-        H[part, part] = G[np.ix_(columns, columns)] + np.diag(
-            prior.friction[j, columns - p]**2)
+        H[part, part] = G[np.ix_(columns, columns)] + np.diag(prior.friction[j, columns - p]**2)
         g[:p] += G[:p, -1]
         g[part] = G[columns, -1]
         H[part.start, part.start] += regularization / prior.inertia[j]**2

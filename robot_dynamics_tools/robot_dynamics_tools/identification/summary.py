@@ -48,7 +48,6 @@ _UNITS = (
 class ActiveBound(NamedTuple):
     """A parameter at its bound, and its estimate without any bounds."""
 
-    joint: int
     parameter: str
     unit: str
     value: float
@@ -192,7 +191,7 @@ def bounds_by_joint(identification: Identification) -> dict[int, list[ActiveBoun
             if column not in friction_regressor.OFFSET and other < -least and (
                     abs(value) <= -1e-3 * other):
                 by_joint.setdefault(j, []).append(ActiveBound(
-                    j, friction_regressor.COLUMN_NAMES[column], _UNITS[column], value, other))
+                    friction_regressor.COLUMN_NAMES[column], _UNITS[column], value, other))
     return by_joint
 
 

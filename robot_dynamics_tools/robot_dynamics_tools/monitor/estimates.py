@@ -14,7 +14,6 @@ from collections.abc import Callable
 
 import numpy as np
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import all_finite, FloatArray
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -28,7 +27,7 @@ from robot_dynamics.ros.parameters.declared_parameters import Values
 from robot_dynamics_tools.monitor.contacts import LiveContacts
 from robot_dynamics_tools.monitor.followed_model import Followed
 from robot_dynamics_tools.monitor.states import MeasuredState
-from robot_dynamics_tools.monitor.wrench import LiveWrench
+from robot_dynamics_tools.monitor.wrench import LiveWrench, NEWEST_ONLY
 from robot_dynamics_tools.monitoring.external_wrench import ExternalWrenchEstimator
 from robot_dynamics_tools.monitoring.live_residual import LiveResidual
 from robot_dynamics_tools.pictures.stick_figure import tool_link
@@ -36,7 +35,6 @@ from sensor_msgs.msg import JointState
 
 LONGEST_STEP = 0.1
 """[s] between two states after which the estimators reset: the motion between is unknown."""
-NEWEST_ONLY = QoSProfile(depth=1)
 NO_SUBSCRIBERS = 'no subscribers'
 
 
@@ -117,12 +115,9 @@ class LiveEstimates:
     def __init__(self, node: Node, is_external_wanted: Callable[[], bool]) -> None:
         """`is_external_wanted` returns whether the node itself needs effort and wrench."""
         self._node, self._is_external_wanted = node, is_external_wanted
-        self._publishers = [
-            node.create_publisher(JointState, topic, NEWEST_ONLY)
-            for topic in ('~/external_effort', '~/residual')]
-        self._deviations = [
-            node.create_publisher(JointState, f'{topic}_deviation', NEWEST_ONLY)
-            for topic in ('~/external_effort', '~/residual')]
+        self._publishers, self._deviations = (
+            [node.create_publisher(JointState, f'~/{estimate}{of}', NEWEST_ONLY)
+             for estimate in ('external_effort', 'residual')] for of in ('', '_deviation'))
         self.wrench, self.contacts = LiveWrench(node, is_external_wanted), LiveContacts(node)
         self._counts = [subscription_count(one) for one in self._publishers]
         self._deviation_counts = [subscription_count(one) for one in self._deviations]
@@ -170,9 +165,7 @@ class LiveEstimates:
         except Exception as error:  # no state may end the thread
             self._lack(repr(error))
 
-    def _take(
-        self, estimates: Estimates, wanted: tuple[bool, bool], state: MeasuredState,
-    ) -> None:
+    def _take(self, estimates: Estimates, wanted: tuple[bool, bool], state: MeasuredState) -> None:
         if state.effort is None:
             raise InvalidInputError(state.obstacle)
         dt = self._begin_where_needed(estimates, state)

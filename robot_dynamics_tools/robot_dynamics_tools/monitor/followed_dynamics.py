@@ -65,8 +65,7 @@ class FollowedDynamics:
         self._client = node.create_client(GetParameters, f'{name}/get_parameters')
         node.create_subscription(
             ParameterEvent, '/parameter_events', self._on_event, qos_profile_parameter_events)
-        node.create_subscription(
-            InertiaStamped, f'{name}/payload', self._on_payload, ALL_PAYLOADS)
+        node.create_subscription(InertiaStamped, f'{name}/payload', self._on_payload, ALL_PAYLOADS)
         node.create_subscription(
             String, f'{name}/robot_description', self._on_description, LATCHED,
             largest=LARGEST_DESCRIPTION)
@@ -130,8 +129,7 @@ class FollowedDynamics:
         self._obstacle = (
             f'{self.name} has no parameters {missing}, expected a node dynamics of the version '
             'of this node') if missing else ''
-        if not missing:
-            self._has_values = True
+        self._has_values = self._has_values or not missing
         if not missing and self._description:
             self._take_model(self._description, {
                 name: value if isinstance(value, (bool, int, float, str)) else tuple(value)

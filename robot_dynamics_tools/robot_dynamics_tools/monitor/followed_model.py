@@ -22,7 +22,6 @@ from robot_dynamics.ros.dynamics.external_effort_fault import CONTACT_SPECS, OBS
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.parameters import robot_description
 from robot_dynamics.ros.parameters.declared_parameters import Values
-from robot_dynamics.urdf.parser import parse_urdf
 
 MODEL_NAMES = (
     *(spec.name for spec in (
@@ -62,11 +61,6 @@ class Followed:
     def robot_gravity(self, q: FloatArray) -> FloatArray:
         """Return the gravity-compensation torque (n,) of the robot, which knows no loads."""
         return self._robot.rigid_body.gravity(q)
-
-    @property
-    def root_link(self) -> str:
-        """The base link."""
-        return parse_urdf(self.xml).root_link
 
 
 class FollowedModel:

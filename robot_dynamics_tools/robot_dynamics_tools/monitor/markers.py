@@ -25,6 +25,7 @@ from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
 from robot_dynamics.ros.middleware.pausing_timer import PausingTimer
+from robot_dynamics.urdf.parser import parse_urdf
 from robot_dynamics_tools.monitor.followed_model import Followed
 from robot_dynamics_tools.monitor.states import MeasuredState
 from robot_dynamics_tools.pictures.arm_marks import ArmMarks, effort_line, effort_scale
@@ -103,7 +104,7 @@ class LiveMarkers:
     def set_model(self, model: Followed | None, link: str = '') -> None:
         """Draw this arm and the pose of a link, None without a model."""
         if model is not None and (self._model is None or self._model.base is not model.base):
-            self._frame, self._seen = model.root_link, None
+            self._frame, self._seen = parse_urdf(model.xml).root_link, None
         self._model, self._link = model, link
 
     def update(
@@ -137,8 +138,7 @@ class LiveMarkers:
         if command is None or abs(
                 seen.stamp_ns - stamp_from_ros(command.header.stamp)) > LARGEST_LAG_NS:
             return UncheckedArmDynamics(arm).rigid_body.gravity(seen.q)
-        given = JointStateReader(arm.joint_names).finite_effort(command)
-        effort = arm.given_drive.torque(given)
+        effort = arm.given_drive.torque(JointStateReader(arm.joint_names).finite_effort(command))
         return effort + model.robot_gravity(seen.q) if (
             model.convention.compensates_gravity) else effort
 
@@ -243,13 +243,9 @@ def _marker(namespace: str, i: int, kind: int, colour: str, width: float) -> Mar
     marker = Marker(ns=namespace, id=i, type=kind, action=Marker.ADD, lifetime=LIFETIME)
     marker.pose.orientation.w = 1.0
     marker.scale.x = width
-    marker.color = _rgba(colour)
-    return marker
-
-
-def _rgba(colour: str) -> ColorRGBA:
     red, green, blue = (int(colour[i:i + 2], 16) / 255.0 for i in (1, 3, 5))
-    return ColorRGBA(r=red, g=green, b=blue, a=1.0)
+    marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
+    return marker
 
 
 def _point(point: FloatArray) -> Point:

@@ -14,9 +14,7 @@ import threading
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware.cdr_templates import SensedState
 from robot_dynamics.ros.middleware.diagnostics import publish_diagnostics, Status
-from robot_dynamics.ros.middleware.guarded_callbacks import (
-    GuardedCallbacks,
-)
+from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 from robot_dynamics.ros.middleware.joint_state_loop import JointStateLoop
 from robot_dynamics.ros.middleware.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.middleware.shutdown import leave
@@ -25,16 +23,12 @@ from robot_dynamics.ros.parameters.node_arguments import NodeUsage
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_interfaces.srv import EstimatePayload
+from robot_dynamics_tools.monitor import payload_estimation
 from robot_dynamics_tools.monitor.estimates import Estimates, LiveEstimates
 from robot_dynamics_tools.monitor.followed_dynamics import FollowedDynamics
 from robot_dynamics_tools.monitor.followed_model import Followed, FollowedModel, NAMES
 from robot_dynamics_tools.monitor.markers import LiveMarkers
 from robot_dynamics_tools.monitor.parameters import full_name, SPECS
-from robot_dynamics_tools.monitor.payload_estimation import (
-    estimate_to_ros,
-    PayloadEstimation,
-    PayloadSamples,
-)
 from robot_dynamics_tools.monitor.payload_request import PayloadRequest
 from robot_dynamics_tools.monitor.states import StateInput
 
@@ -75,8 +69,8 @@ class DynamicsMonitor(GuardedCallbacks):
         dynamics = full_name(self._settings.values['dynamics'], self.get_namespace())
         self._markers = LiveMarkers(self)
         self._estimates = LiveEstimates(self, lambda: self._markers.is_on)
-        self._samples = PayloadSamples()
-        self._estimation = PayloadEstimation(self, self._samples)
+        self._samples = payload_estimation.PayloadSamples()
+        self._estimation = payload_estimation.PayloadEstimation(self, self._samples)
         self._request = PayloadRequest(self, dynamics)
         self.create_service(EstimatePayload, '~/estimate_payload', self._estimate_payload)
         self._models = FollowedModel(self, self._use, lambda: self._settings.values)
@@ -164,7 +158,7 @@ class DynamicsMonitor(GuardedCallbacks):
             response.message = f'estimation for {request.link!r} started'
             return response
         estimate = self._estimation.estimate(request.link)
-        estimate_to_ros(estimate, response)
+        payload_estimation.estimate_to_ros(estimate, response)
         if request.apply:
             answer = self._request.apply(estimate.payload(), seconds)
             response.message += f'; applied: {answer.message}'

@@ -159,8 +159,7 @@ class PayloadEstimation:
     def start(self, link: str) -> None:
         """Begin an estimation; raise InvalidInputError for an unknown link or without effort."""
         if self._model is None:
-            raise ModelError(
-                'no model yet, expected a running node dynamics (parameter dynamics)')
+            raise ModelError('no model yet, expected a running node dynamics (parameter dynamics)')
         if self._model.convention.measured_effort == 'none':
             raise InvalidInputError(
                 "measured_effort is 'none', expected a measured effort to estimate from")

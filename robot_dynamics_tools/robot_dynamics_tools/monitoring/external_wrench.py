@@ -170,5 +170,4 @@ class ExternalWrenchEstimator:
         root = self._scale[:, None] * U  # D U
         gain = root / (squares + 1.0)
         wrench = gain @ (U.T @ (scaled.T @ np.linalg.solve(L, error.effort)))
-        return WrenchEstimate(
-            wrench, gain @ root.T if is_known else None, root.T[squares < 1.0])
+        return WrenchEstimate(wrench, gain @ root.T if is_known else None, root.T[squares < 1.0])

@@ -51,9 +51,7 @@ class LowPass:
         """Reset the filter; the next sample is a first one."""
         self.value = None
 
-    def update(
-        self, sample: FloatArray, dt: float, held: bool | BoolArray = False,
-    ) -> FloatArray:
+    def update(self, sample: FloatArray, dt: float, held: bool | BoolArray = False) -> FloatArray:
         """
         Return y at a sample dt [s] after the previous one; the first sample is a steady state.
 

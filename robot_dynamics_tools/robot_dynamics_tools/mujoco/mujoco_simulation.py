@@ -165,8 +165,7 @@ class MujocoSimulation:
     def _initial(self, joints: IntArray, position: npt.ArrayLike | None) -> FloatArray:
         model = self.model
         if position is not None:
-            return check_vector(
-                'initial_position', position, len(joints), self.arm.joint_names)
+            return check_vector('initial_position', position, len(joints), self.arm.joint_names)
         if model.nkey:
             return np.array(model.key_qpos[0][self._q])
         low, high = np.where(

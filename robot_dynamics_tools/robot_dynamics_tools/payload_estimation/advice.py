@@ -192,8 +192,7 @@ class _Adviser:
         limit = self._arm.limits.effort
         effort = self._body.inverse_dynamics_batch(q, v, a) + (
             self._regressor(q, v, a) @ self._knowledge.values)
-        return np.asarray(
-            (np.abs(effort) <= np.where(limit > 0.0, limit, np.inf)).all(axis=1))
+        return np.asarray((np.abs(effort) <= np.where(limit > 0.0, limit, np.inf)).all(axis=1))
 
     def _sine(self, joint: int, amplitude: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return a sinusoidal motion (m, n) of one joint around the present position."""

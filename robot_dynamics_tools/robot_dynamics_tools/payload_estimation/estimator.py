@@ -128,8 +128,7 @@ class PayloadEstimator:
             self._largest_effort, 1.0))
         friction = self.arm.friction
         band = friction.at_rest.static + friction.load_coefficient * self._largest_effort
-        solution = solve(
-            rows, rests, band, scale, self.arm.given_report.torque_error_covariance())
+        solution = solve(rows, rests, band, scale, self.arm.given_report.torque_error_covariance())
         return make_result(
             self.arm, self.link, solution, rows, rests, band, self._block, self._position,
             with_advice)

@@ -100,8 +100,7 @@ def solve(
     covariance = inverse[:COUNT, :COUNT]
     effort = sum((group.right_side(Column.EFFORT) / s for group, s in zip(groups, variances)),
                  np.zeros_like(theta))
-    factor = _widening(inverse, information, variances, freedom)
-    deviations = np.sqrt(np.diag(covariance)) * factor
+    deviations = np.sqrt(np.diag(covariance)) * _widening(inverse, information, variances, freedom)
     mean_friction = np.diag(inverse)[COUNT + 2 * n:COUNT + 3 * n]
     return Solution(theta[:COUNT], covariance, deviations, 0.01 * (inverse @ effort)[:COUNT],
                     _expected(groups, variances, scale, band, mean_friction),

@@ -10,6 +10,7 @@ depend on dry friction of equal size. A rest without a partner has the whole ban
 the sign of its approach.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -47,13 +48,8 @@ def pair_rests(rests: Sequence[Rest], independent_interval: float) -> RestRows:
     """
     groups: list[tuple[Rest, ...]] = []
     for joint in sorted({rest.joint for rest in rests}):
-        own = [rest for rest in rests if rest.joint == joint]
-        groups += _pairs_and_others(own)
-    stays: dict[tuple[int, int], int] = {}
-    for group in groups:
-        for rest in group:
-            key = rest.joint, rest.stay
-            stays[key] = stays.get(key, 0) + 1
+        groups += _pairs_and_others([rest for rest in rests if rest.joint == joint])
+    stays = Counter((rest.joint, rest.stay) for rest in rests)
 
     def noise(group: tuple[Rest, ...]) -> float:
         return float(np.mean([
@@ -72,8 +68,7 @@ def pair_rests(rests: Sequence[Rest], independent_interval: float) -> RestRows:
 
 def _pairs_and_others(rests: Sequence[Rest]) -> list[tuple[Rest, ...]]:
     """Return pairs of opposite approaches, nearest first, and the rests without a partner."""
-    ups, downs = (
-        [i for i, rest in enumerate(rests) if rest.approach == side] for side in (1, -1))
+    ups, downs = ([i for i, rest in enumerate(rests) if rest.approach == side] for side in (1, -1))
     position = np.array([rest.position for rest in rests])
     distance = np.abs(position[ups, None] - position[None, downs]).max(axis=2)
     near = sorted((float(distance[i, k]), ups[i], downs[k])

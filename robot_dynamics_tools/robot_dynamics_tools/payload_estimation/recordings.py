@@ -11,14 +11,10 @@ import numpy as np
 from robot_dynamics.exceptions import RecordingError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics_tools.analysis import motion_filter
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_for_arm
 from robot_dynamics_tools.analysis.bag_analysis import with_joint_effort
 from robot_dynamics_tools.analysis.contradictions import corrected
-from robot_dynamics_tools.analysis.motion_filter import (
-    filter_motion,
-    filter_motion_below,
-    FilteredMotion,
-)
 from robot_dynamics_tools.payload_estimation.estimator import PayloadEstimator
 from robot_dynamics_tools.payload_estimation.result import PayloadEstimate
 
@@ -53,8 +49,7 @@ def estimate_from_bags(
     `when_read` is called after each recording. Recordings that fail are excluded. Raises
     RecordingError if all fail, InvalidInputError for a wrong link or parameter, and ModelError.
     """
-    arm = arm_from_parameters(settings.urdf, settings.parameters, ())
-    arm.link_frame(link, 'link')
+    arm_from_parameters(settings.urdf, settings.parameters, ()).link_frame(link, 'link')
     estimator: PayloadEstimator | None = None
     used: list[Path] = []
     remarks: list[str] = []
@@ -83,19 +78,19 @@ def estimate_from_bags(
 
 def _read(
     bag: Path, settings: AnalysisSettings,
-) -> tuple[ArmModel, FilteredMotion, tuple[str, ...]]:
+) -> tuple[ArmModel, motion_filter.FilteredMotion, tuple[str, ...]]:
     """Return the arm, the filtered motion with joint effort, and remarks."""
     read = read_for_arm(bag, settings)
     read.check_effort()
-    motion = filter_motion_below(read.series, CUTOFF) if settings.cutoff_hz is None else (
-        filter_motion(read.series, settings.cutoff_hz))
+    cutoff = settings.cutoff_hz
+    motion = motion_filter.filter_motion_below(read.series, CUTOFF) if cutoff is None else (
+        motion_filter.filter_motion(read.series, cutoff))
     motion, remark = with_joint_effort(motion, read.arm, settings.parameters)
     motion, causes = corrected(read.arm, motion)
-    return read.arm, motion, tuple(filter(
-        None, (*read.remarks, remark, *causes)))
+    return read.arm, motion, tuple(filter(None, (*read.remarks, remark, *causes)))
 
 
-def add_motion(estimator: PayloadEstimator, motion: FilteredMotion) -> None:
+def add_motion(estimator: PayloadEstimator, motion: motion_filter.FilteredMotion) -> None:
     """Add the usable samples of a motion, as many per second as the filter leaves."""
     every = max(int(motion.sample_rate_hz / (SAMPLES_PER_PERIOD * motion.cutoff_hz)), 1)
     for number in np.unique(motion.segment):

@@ -6,6 +6,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
@@ -116,15 +117,8 @@ class PayloadEstimate:
             raise InvalidInputError('the estimate is implausible: ' + '; '.join(self.implausible))
         inertia = None
         if self.has_inertia and is_consistent(self.values):
-            inertia = tensor(self.values) - self.mass * (
-                self.com @ self.com * np.eye(3) - np.outer(self.com, self.com))
+            inertia = np.array(pin.Inertia.FromDynamicParameters(self.values).inertia)
         return make_payload(self.link, self.mass, self.com, inertia)
-
-
-def tensor(values: FloatArray) -> FloatArray:
-    """Return the inertia tensor (3, 3) of π (10,), about the origin of the link."""
-    xx, xy, yy, xz, yz, zz = values[4:]
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def make_result(
@@ -168,9 +162,7 @@ def _unknown_errors(arm: ArmModel) -> tuple[str, ...]:
                 '' if is_calibrated else ': see the error per 1 % of the measured effort'),)
 
 
-def _verdicts(
-    regressor: LoadRegressor, solution: Solution, limit: FloatArray,
-) -> tuple[str, ...]:
+def _verdicts(regressor: LoadRegressor, solution: Solution, limit: FloatArray) -> tuple[str, ...]:
     Y = regressor(*random_states(regressor.arm, _STATES)).reshape(-1, COUNT)
     Y = Y * np.array([1.0, *(LENGTH,) * 3, *(LENGTH**2,) * 6])
     _, s, Vt = np.linalg.svd(Y, full_matrices=True)
@@ -201,9 +193,7 @@ def _friction_text(rests: RestRows, band: FloatArray) -> str:
     return '; '.join(parts)
 
 
-def _implausible(
-    arm: ArmModel, solution: Solution, verdicts: tuple[str, ...],
-) -> tuple[str, ...]:
+def _implausible(arm: ArmModel, solution: Solution, verdicts: tuple[str, ...]) -> tuple[str, ...]:
     """Return what is physically impossible; values are reported as they are, not clipped."""
     if verdicts[0] != OBSERVABLE:
         return ()

@@ -163,6 +163,5 @@ def estimated_variances(
             prior = remainder * group.band**2 if i in pairs else (
                 group.prior if group.prior > 0.0 else pooled * relative[i])
             freedom[i] = free[i] + group.prior_weight
-            variances[i] = max(
-                (squares[i] + group.prior_weight * prior) / freedom[i], group.least)
+            variances[i] = max((squares[i] + group.prior_weight * prior) / freedom[i], group.least)
     return variances, freedom

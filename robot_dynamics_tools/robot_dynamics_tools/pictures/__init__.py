@@ -8,9 +8,4 @@ from robot_dynamics_tools.pictures.stick_figure import StickFigure
 from robot_dynamics_tools.pictures.torque_map import map_figure
 from robot_dynamics_tools.pictures.workspace_map import workspace_figure
 
-__all__ = [
-    'ArmMarks',
-    'map_figure',
-    'StickFigure',
-    'workspace_figure',
-]
+__all__ = ['ArmMarks', 'map_figure', 'StickFigure', 'workspace_figure']

@@ -139,15 +139,12 @@ class PlanarView:
 
     def _tool_frame(self, axis: FloatArray) -> int | None:
         """Return the frame on the last link that is farthest from its joint's axis, if any is."""
-        best, farthest = None, _SHORTEST
         origin = self._data.oMi[self._count].translation
-        for index, frame in enumerate(self._model.frames):
-            if frame.parentJoint == self._count:
-                away = np.cross(self._data.oMf[index].translation - origin, axis)
-                distance = float(np.linalg.norm(away))
-                if distance > farthest:
-                    best, farthest = index, distance
-        return best
+        distances = {index: float(np.linalg.norm(np.cross(placement.translation - origin, axis)))
+                     for index, placement in enumerate(self._data.oMf)
+                     if self._model.frames[index].parentJoint == self._count}
+        farthest = max(distances, key=lambda index: distances[index])
+        return farthest if distances[farthest] > _SHORTEST else None
 
     def _choose_plane(self, axis: FloatArray) -> Plane:
         points = self._points()
@@ -158,8 +155,7 @@ class PlanarView:
         g = np.asarray(self._model.gravity.linear)
         against = -(g - (g @ axis) * axis)
         size = max(float(np.linalg.norm(g)), 1.0)
-        has_gravity = float(np.linalg.norm(against)) > _PARALLEL * size
-        up = against if has_gravity else along
+        up = against if np.linalg.norm(against) > _PARALLEL * size else along
         up = up / np.linalg.norm(up)
         return Plane(np.cross(axis, up), up, axis)
 

@@ -133,8 +133,7 @@ def _label_axes(axes: Any, arm: ArmModel, grid: PositionGrid) -> None:
         if turns and np.ptp(values) > np.pi:
             axis.set_major_locator(optional('matplotlib.ticker', 'a figure').MultipleLocator(
                 0.5 * np.pi))
-            axis.set_major_formatter(
-                lambda value, _: f'{value / np.pi:.3g} π'.replace('-', '−'))
+            axis.set_major_formatter(lambda value, _: f'{value / np.pi:.3g} π'.replace('-', '−'))
     axes.set_box_aspect(1.0)
 
 

@@ -8,9 +8,4 @@ from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.recordings.writer import RecordingWriter
 
-__all__ = [
-    'find_recordings',
-    'JointSeries',
-    'Recording',
-    'RecordingWriter',
-]
+__all__ = ['find_recordings', 'JointSeries', 'Recording', 'RecordingWriter']

@@ -11,12 +11,8 @@ from robot_dynamics.arrays import BoolArray, FloatArray, IntArray, NANOSECONDS_P
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.angle_wrapping import unwrapped
 from robot_dynamics.validation import LARGEST_VALUE
+from robot_dynamics_tools.recordings import sample_faults
 from robot_dynamics_tools.recordings.messages import FIELDS, RecordedState
-from robot_dynamics_tools.recordings.sample_faults import (
-    advancing_and_repeated,
-    gaps_between,
-    SampleFaults,
-)
 
 BRAKES_LAST = 0.06
 """[s] of zero effort between two samples with effort that are interpreted as brakes."""
@@ -42,7 +38,7 @@ class JointSeries:
     velocity: FloatArray | None
     effort: FloatArray | None
     passed_over: int
-    faults: SampleFaults = field(default_factory=SampleFaults)
+    faults: sample_faults.SampleFaults = field(default_factory=sample_faults.SampleFaults)
 
     @property
     def times(self) -> FloatArray:
@@ -185,14 +181,14 @@ class RecordedJointStates:
                 f'no message of {self.source} has all its fields finite at the joints '
                 f'{list(names)}')
         places = np.flatnonzero(whole)
-        advancing, repeated = advancing_and_repeated(stamps[whole])
+        advancing, repeated = sample_faults.advancing_and_repeated(stamps[whole])
         keep = places[advancing]
         kept = stamps[keep]
         count = len(self.times_ns)
         periods = np.diff(kept)
         period = int(np.median(periods)) if len(periods) else 0
-        faults = SampleFaults(
-            period_ns=period, gaps=gaps_between(kept, periods, period),
+        faults = sample_faults.SampleFaults(
+            period_ns=period, gaps=sample_faults.gaps_between(kept, periods, period),
             duplicated_ns=stamps[places[repeated]],
             backward_ns=stamps[places[~advancing & ~repeated]],
             other_joints=count - len(stamps) - self.unreadable,

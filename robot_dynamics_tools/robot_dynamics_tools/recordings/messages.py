@@ -69,7 +69,6 @@ def stamped_messages(
         'std_msgs/msg/Header', 'builtin_interfaces/msg/Time'))
     for stamp, *values in zip(stamps_ns.tolist(), *columns.values(), strict=True):
         stamped = header(stamp=time(*divmod(stamp, NANOSECONDS_PER_SECOND)), frame_id='')
-        message = types.types[message_type](
-            header=stamped, **fields, **dict(zip(columns, values)))
+        message = types.types[message_type](header=stamped, **fields, **dict(zip(columns, values)))
         messages.append(bytes(types.serialize_cdr(message, message_type, little_endian=True)))
     return messages

@@ -164,8 +164,7 @@ class Recording(AbstractContextManager['Recording']):
                 f'topic {topic!r} has type {found.message_type!r}, expected {JOINT_STATE}')
         messages = list(self.raw_messages(topic))
         if not messages:
-            raise RecordingError(
-                f'recording {str(self.path)!r} has no message of {topic}')
+            raise RecordingError(f'recording {str(self.path)!r} has no message of {topic}')
         return RecordedJointStates(
             f'topic {topic!r} of recording {str(self.path)!r}',
             np.array([time_ns for time_ns, _ in messages], dtype=np.int64),

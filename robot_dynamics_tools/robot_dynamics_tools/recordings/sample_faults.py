@@ -98,9 +98,7 @@ def counted(count: int, noun: str) -> str:
     return f'{count} {noun}{"" if count == 1 else "s"}'
 
 
-def advancing_and_repeated(
-    stamps: IntArray,
-) -> tuple[BoolArray, BoolArray]:
+def advancing_and_repeated(stamps: IntArray) -> tuple[BoolArray, BoolArray]:
     """Return which stamps form the longest increasing series, and which are repeated."""
     repeated = np.zeros(len(stamps), dtype=np.bool_)
     if (np.diff(stamps) > 0).all():

@@ -14,13 +14,8 @@ from typing import Any
 
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RecordingError
+from robot_dynamics_tools.recordings import topics
 from robot_dynamics_tools.recordings.interrupts import uninterrupted
-from robot_dynamics_tools.recordings.topics import (
-    check_type,
-    common_types,
-    qos_to_rosbags,
-    TopicQos,
-)
 
 
 class RecordingWriter(AbstractContextManager['RecordingWriter']):
@@ -50,12 +45,12 @@ class RecordingWriter(AbstractContextManager['RecordingWriter']):
             raise RecordingError(f'recording {str(directory)!r}: {error}') from None
         self._open = True
 
-    def add_topic(self, name: str, message_type: str, qos: TopicQos | None = None) -> None:
+    def add_topic(self, name: str, message_type: str, qos: topics.TopicQos | None = None) -> None:
         """Announce a topic; raise RecordingError for a type that `common_types` does not have."""
-        check_type(name, message_type)
+        topics.check_type(name, message_type)
         self._connections[name] = self._writer.add_connection(
-            name, message_type, typestore=common_types(),
-            offered_qos_profiles=[qos_to_rosbags(qos or TopicQos())])
+            name, message_type, typestore=topics.common_types(),
+            offered_qos_profiles=[topics.qos_to_rosbags(qos or topics.TopicQos())])
 
     def write(self, topic: str, time_ns: int, data: bytes) -> None:
         """Write a serialized message (CDR) of a topic under this time [ns]."""

@@ -5,7 +5,4 @@
 
 from robot_dynamics_tools.reporting.figures import joint_figure, save_figure
 
-__all__ = [
-    'joint_figure',
-    'save_figure',
-]
+__all__ = ['joint_figure', 'save_figure']

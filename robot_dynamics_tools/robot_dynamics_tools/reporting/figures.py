@@ -142,9 +142,7 @@ def joint_figure(
     return figure
 
 
-def scatter_figure(
-    title: str, arm: 'ArmModel', velocity: FloatArray, residual: FloatArray,
-) -> Any:
+def scatter_figure(title: str, arm: 'ArmModel', velocity: FloatArray, residual: FloatArray) -> Any:
     """
     Return a matplotlib figure of residual efforts over velocity, both (m, n), one field per joint.
 

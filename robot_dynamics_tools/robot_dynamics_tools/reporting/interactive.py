@@ -30,8 +30,7 @@ MAX_POINTS = 6000
 ROW_HEIGHT, LEGEND_HEIGHT, LEFT = 200, 30, 75
 """[pixel]"""
 FONT = '12px'
-WITHOUT_BOKEH = (
-    'The figures zoom if the library Bokeh is installed: python -m pip install bokeh')
+WITHOUT_BOKEH = 'The figures zoom if the library Bokeh is installed: python -m pip install bokeh'
 USE = ('Drag over a time span to zoom all figures to it. The tools on the right move, zoom and '
        'reset the figures, and save one as a picture; a click on a legend entry hides its line. '
        'In print, the figures are static.')

@@ -19,7 +19,7 @@ REDRAW_PERIOD = 0.1
 
 
 class Progress(AbstractContextManager['Progress']):
-    """Shows `done` of `total`, in `unit`, on a stream; close it, or use it in `with`."""
+    """Shows `done` of `total`, in `unit`, on a stream; for use in `with`."""
 
     def __init__(self, total: float, unit: str, stream: TextIO | None = None) -> None:
         self._total, self._unit = total, unit
@@ -53,15 +53,11 @@ class Progress(AbstractContextManager['Progress']):
         """Show one more unit, as a callback of jobs that report each step; ignores the report."""
         self.update(self._done + 1)
 
-    def close(self) -> None:
+    def __exit__(self, *_: object) -> None:
         """End the line."""
         if self._live and self._drawn:
             self._stream.write('\n')
             self._stream.flush()
-            self._drawn = 0.0
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _figures(self, fraction: float) -> str:
         digits = 0 if isinstance(self._total, int) else 1

@@ -49,8 +49,7 @@ def quantity_table(rows: Sequence[Sequence[str]]) -> str:
 
 def matrix_table(title: str, names: Sequence[str], matrix: FloatArray) -> str:
     """Return a matrix (n, n) over joints, with their names at its rows and columns."""
-    return text_table([title, *names], [
-        [name, *row] for name, row in zip(names, matrix.tolist())])
+    return text_table([title, *names], [[name, *row] for name, row in zip(names, matrix.tolist())])
 
 
 def _text(cell: Cell) -> str:

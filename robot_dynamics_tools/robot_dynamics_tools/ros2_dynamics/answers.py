@@ -53,9 +53,7 @@ class Units(NamedTuple):
         """The units of position errors: mrad, mm."""
         return ', '.join(f'm{unit}' for unit in self.position.split(', '))
 
-    def table(
-        self, headings: Sequence[str], columns: Mapping[str, Sequence[float | str]],
-    ) -> str:
+    def table(self, headings: Sequence[str], columns: Mapping[str, Sequence[float | str]]) -> str:
         """Return a table of values by joint; `columns` have a unit in their headings."""
         heads = ['joint', 'kind'] if self.kinds else ['joint']
         rows = [[name, self.kinds[name], *values] if self.kinds else [name, *values]
@@ -145,12 +143,8 @@ def answer_equation(client: DynamicsClient, arguments: Namespace) -> Answer:
 def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
     """Return what the model check finds in URDF, friction and motors of the node."""
     from robot_dynamics.model.arm_parameters import arm_from_parameters
+    from robot_dynamics.model_check import report
     from robot_dynamics.model_check.finding import CHECKS, errors_of
-    from robot_dynamics.model_check.report import (
-        check_description,
-        findings_as_data,
-        findings_report,
-    )
     from robot_dynamics.ros.parameters.robot_description import ACTUATOR_SPECS, FRICTION_SPECS
     from robot_dynamics.validation import check_choice
     parameters = client.parameters(['joints', 'ignore_checks', 'gravity', *(
@@ -163,10 +157,10 @@ def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
         arm = arm_from_parameters(xml, parameters)
     except ModelError:
         arm = None  # a finding
-    checked = check_description(xml, list(parameters['joints'] or []), arm)
+    checked = report.check_description(xml, list(parameters['joints'] or []), arm)
     return Answer(
-        {'node': client.name, **findings_as_data(checked, ignored)},
-        findings_report(client.name, checked, ignored),
+        {'node': client.name, **report.findings_as_data(checked, ignored)},
+        report.findings_report(client.name, checked, ignored),
         1 if errors_of(checked.findings, ignored) else 0)
 
 

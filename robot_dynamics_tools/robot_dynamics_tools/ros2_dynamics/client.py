@@ -289,11 +289,6 @@ class DynamicsClient:
                 xml = self.receive(String, topic, LATCHED, lambda message: str(message.data))
         return default_arm_urdf() if xml is None else xml
 
-    def base_link(self) -> str:
-        """Return the root link of the URDF that the node uses."""
-        from robot_dynamics.urdf.parser import parse_urdf
-        return parse_urdf(self.description()).root_link
-
     def joints(self) -> dict[str, 'UrdfJoint']:
         """Return the joints of the URDF by name; empty if the URDF is not available."""
         from robot_dynamics.urdf.parser import parse_urdf

@@ -195,8 +195,7 @@ class MotionWatch:
         Raises NoAnswerError without references.
         """
         if self._early > 1:  # the first status may be from before the goal
-            raise ToolError(
-                f'the motion ended early: {self._status.removeprefix(_EARLY)}')
+            raise ToolError(f'the motion ended early: {self._status.removeprefix(_EARLY)}')
         if len(self._goal) and not self.is_at(self._goal, self._accepted[1]):
             self._raise_replaced()
         if time.monotonic() - self._last_reference > self._client.timeout:
@@ -248,8 +247,7 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
         watch.wait_ready()
         goal = joint_values('position', arguments.position, names, watch.position)
         limits = {name: joint.velocity_limit for name, joint in joints.items()}
-        duration = _duration(
-            arguments, names, limits, watch.error(goal, watch.measured()))
+        duration = _duration(arguments, names, limits, watch.error(goal, watch.measured()))
         with goal_publication(client, names) as publish:
             try:
                 watch.wait_taken(goal, lambda: publish(goal, duration))
@@ -269,9 +267,10 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
 
 def answer_pose(client: DynamicsClient, arguments: Namespace) -> Answer:
     """Move the frame of the node to a pose, and return the position that the joints reached."""
+    from robot_dynamics.urdf.parser import parse_urdf
     names, kinds = client.joint_names(), client.joint_kinds()
     message = PoseStamped()
-    message.header.frame_id = arguments.frame_id or client.base_link()
+    message.header.frame_id = arguments.frame_id or parse_urdf(client.description()).root_link
     place, turn = message.pose.position, message.pose.orientation
     place.x, place.y, place.z = arguments.translation
     turn.x, turn.y, turn.z, turn.w = [0.0] * 4 if not arguments.rpy else pin.Quaternion(
@@ -311,8 +310,7 @@ def _duration(
     from robot_dynamics_tools.excitation.demo_motion import LIMIT_FRACTION, rest_to_rest_seconds
     if arguments.duration is not None:
         return check_scalar('--duration', arguments.duration, 0.0, exclusive_minimum=True)
-    limit = np.array([limits.get(name, math.inf) for name in names])
-    velocity = LIMIT_FRACTION * limit
+    velocity = LIMIT_FRACTION * np.array([limits.get(name, math.inf) for name in names])
     if arguments.velocity:
         given = joint_values(
             'velocity', arguments.velocity, names, dict(zip(names, velocity.tolist())))

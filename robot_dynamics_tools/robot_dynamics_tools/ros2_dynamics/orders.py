@@ -137,8 +137,7 @@ def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
             *warning_lines(response.warnings)]
         if arguments.simulated:
             arm = client.resolve('simulated_arm')
-            data['simulated'] = client.call(
-                SetPayload, f'{arm}/set_payload', request).message
+            data['simulated'] = client.call(SetPayload, f'{arm}/set_payload', request).message
             lines.append(f'{arm}: {data["simulated"]}')
         return Answer(data, '\n'.join(lines))
     payloads = _payloads(client)

@@ -48,8 +48,7 @@ def answer_record(client: DynamicsClient, arguments: Namespace) -> Answer:
     urdf = _description(client)
     with interrupted_by_sigterm(), RecordingWriter(directory) as writer:
         if urdf is not None:
-            write_description(
-                writer, client.resolve('robot_description'), urdf, time.time_ns())
+            write_description(writer, client.resolve('robot_description'), urdf, time.time_ns())
         client.recorder = recorder = Recorder(client.node, writer, specs)
         topics = 'topic' if len(specs) == 1 else 'topics'
         began = f'Recording {len(specs)} {topics} to {directory}; ' + (
@@ -131,8 +130,7 @@ def _published_type(client: DynamicsClient, name: str) -> type:
 
 def _qos(client: DynamicsClient, name: str) -> TopicQos:
     """Return the QoS that all publishers offer; the least without any."""
-    offered = [
-        one.qos_profile for one in client.node.get_publishers_info_by_topic(name)]
+    offered = [one.qos_profile for one in client.node.get_publishers_info_by_topic(name)]
     return TopicQos(
         reliable=bool(offered) and all(
             one.reliability == ReliabilityPolicy.RELIABLE for one in offered),

@@ -57,8 +57,7 @@ def answer_task_space(client: DynamicsClient, arguments: Namespace) -> Answer:
 def _blocks(data: dict[str, Any], units: Units) -> list[str]:
     names, rank = data['joint_names'], data['rank']
     vectors = [data[name] for name in ('bias_acceleration', 'gravity_force', 'coriolis_force')]
-    rows = [[axis, *row, *values] for axis, row, *values in zip(
-        AXES, data['jacobian'], *vectors)]
+    rows = [[axis, *row, *values] for axis, row, *values in zip(AXES, data['jacobian'], *vectors)]
     singular = [
         [part, *data[f'{part}_singular_values'], data[f'{part}_manipulability']]
         for part in ('translation', 'rotation')]

@@ -10,29 +10,24 @@ from typing import NamedTuple
 
 
 class Tool(NamedTuple):
-    """A tool: its help in a line, its module in this package, and the function to call."""
+    """A tool: its help in a line, its module (by default `commands.VERB`), and its function."""
 
     help: str
-    module: str
+    module: str = ''
     function: str = 'main'
 
 
 TOOLS: Mapping[str, Tool] = {
-    'analyze': Tool('Compare recorded efforts with those of the model', 'commands.analyze'),
-    'animate': Tool('Animate a planar arm, or a recording of one', 'commands.animate'),
-    'calibrate_gravity': Tool(
-        'Calibrate effort scale and offset from static holds', 'commands.calibrate_gravity'),
+    'analyze': Tool('Compare recorded efforts with those of the model'),
+    'animate': Tool('Animate a planar arm, or a recording of one'),
+    'calibrate_gravity': Tool('Calibrate effort scale and offset from static holds'),
     'demo': Tool('Close the loop with simulated_arm, record it, and report', 'demo.cli'),
-    'estimate_payload': Tool(
-        'Estimate what is attached to a link from recordings', 'commands.estimate_payload'),
-    'excite': Tool('Find a motion that excites all parameters', 'commands.excite'),
-    'export_mjcf': Tool('Write the arm as MJCF of MuJoCo', 'commands.export_mjcf'),
-    'identify': Tool('Identify the parameters of an arm from recordings', 'commands.identify'),
-    'learn_contact_levels': Tool(
-        'Learn the levels of ~/contacts from recordings without contact',
-        'commands.learn_contact_levels'),
-    'torque_map': Tool(
-        'Draw the gravity torque over two joints, or over the workspace', 'commands.torque_map'),
+    'estimate_payload': Tool('Estimate what is attached to a link from recordings'),
+    'excite': Tool('Find a motion that excites all parameters'),
+    'export_mjcf': Tool('Write the arm as MJCF of MuJoCo'),
+    'identify': Tool('Identify the parameters of an arm from recordings'),
+    'learn_contact_levels': Tool('Learn the levels of ~/contacts from recordings without contact'),
+    'torque_map': Tool('Draw the gravity torque over two joints, or over the workspace'),
     'viewer': Tool('Watch and move the arm in a browser', 'viewer.cli', 'execute'),
 }
 """The tools by verb; `estimate_payload` is also a verb of the node."""
@@ -51,7 +46,7 @@ def is_tool(verb: str, words: Sequence[str]) -> bool:
 def run_tool_verb(verb: str, words: Sequence[str]) -> int:
     """Run a tool with its own arguments; return its exit status."""
     tool = TOOLS[verb]
-    module = import_module(f'robot_dynamics_tools.{tool.module}')
+    module = import_module(f'robot_dynamics_tools.{tool.module or f"commands.{verb}"}')
     return int(getattr(module, tool.function)(list(words)))
 
 

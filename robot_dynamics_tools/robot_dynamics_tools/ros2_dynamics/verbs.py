@@ -10,7 +10,7 @@ Without ros2cli: `ros2 run robot_dynamics_tools dynamics inverse 0.1 0.2`, or
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from importlib import import_module
 import json
 from pathlib import Path
@@ -222,11 +222,8 @@ def run(
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool without ros2cli, and return its exit status."""
     parser = make_parser()
-    try:
+    with suppress(ImportError):
         import argcomplete
-    except ImportError:
-        pass
-    else:
         argcomplete.autocomplete(parser)
     arguments, unknown = parser.parse_known_args(argv)
     if unknown:

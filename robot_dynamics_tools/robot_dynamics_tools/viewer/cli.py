@@ -12,7 +12,6 @@ Exit status: 0 ended by Ctrl-C or SIGTERM; 1 it cannot start; 2 a mistake in the
 
 import argparse
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 import re
 import signal
@@ -57,26 +56,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--mesh-path', action='append', default=[], type=Path, metavar='DIR',
         help='Directory with meshes for a description from a topic, in addition to the share '
              'directories of packages; may be repeated')
-    parser.add_argument(
-        '--dynamics', default='dynamics', metavar='NAME',
-        help='Name of the dynamics node (default: %(default)s)')
-    parser.add_argument(
-        '--monitor', default='dynamics_monitor', metavar='NAME',
-        help='Name of the monitor that draws efforts (default: %(default)s)')
-    parser.add_argument(
-        '--simulated-arm', default='simulated_arm', metavar='NAME',
-        help='Name of the node for pushes and loads (default: %(default)s)')
+    for option, default, text in (
+            ('dynamics', 'dynamics', 'dynamics node'),
+            ('monitor', 'dynamics_monitor', 'monitor that draws efforts'),
+            ('simulated-arm', 'simulated_arm', 'node for pushes and loads')):
+        parser.add_argument(f'--{option}', default=default, metavar='NAME',
+                            help=f'Name of the {text} (default: %(default)s)')
     given = list(sys.argv[1:] if argv is None else argv)
     split = given.index('--ros-args') if '--ros-args' in given else len(given)
     arguments = parser.parse_args(given[:split])
-    return run_tool('viewer', partial(_run, arguments, given[split:]), rejected=FAILED)
+    return run_tool('viewer', lambda: _run(arguments, given[split:]), rejected=FAILED)
 
 
 def token_text(text: str) -> str:
     """Return the token of an argument; raise ArgumentTypeError if it is unfit for addresses."""
     if not re.fullmatch(r'[\w-]{8,}', text, re.ASCII):
-        raise argparse.ArgumentTypeError(
-            f'{text!r}, expected at least 8 letters, digits, - or _')
+        raise argparse.ArgumentTypeError(f'{text!r}, expected at least 8 letters, digits, - or _')
     return text
 
 
@@ -85,15 +80,9 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     for name in (signal.SIGINT, signal.SIGTERM):
         signal.signal(name, lambda *_: is_over.set())
     require_ros('the viewer')
-    from robot_dynamics_tools.viewer.server import (
-        address_of,
-        is_loopback,
-        new_token,
-        start_server,
-        stop_server,
-    )
-    token = arguments.token or new_token()
-    server = start_server(arguments.host, arguments.port, 'robot_dynamics', token)
+    from robot_dynamics_tools.viewer import server as web
+    token = arguments.token or web.new_token()
+    server = web.start_server(arguments.host, arguments.port, 'robot_dynamics', token)
     import rclpy
     from rclpy.exceptions import NameValidationException
     from rclpy.signals import SignalHandlerOptions
@@ -107,7 +96,7 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
             rclpy.create_node('viewer'), arguments.dynamics, arguments.simulated_arm,
             arguments.monitor)
     except (NameValidationException, *MiddlewareError) as error:
-        stop_server(server)
+        web.stop_server(server)
         rclpy.try_shutdown()
         raise InvalidInputError(' '.join(str(error).split())) from None
     with ShutdownRequest() as end:
@@ -115,15 +104,15 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         try:
             viewer = Viewer(server, node, arguments.robot, arguments.mesh_path)
             server.on_client_connect(lambda _: print(PAGE_OPEN, flush=True))
-            print(f'{AT} {address_of(server, token)} (Ctrl-C ends)', flush=True)
-            if not is_loopback(arguments.host):
+            print(f'{AT} {web.address_of(server, token)} (Ctrl-C ends)', flush=True)
+            if not web.is_loopback(arguments.host):
                 print('viewer: other computers can reach this page, and move the arm with the '
                       'token', file=sys.stderr)
             viewer.run(lambda: is_over.is_set() or end.is_made)
             viewer.close()
         finally:
             with ends_in_time():
-                stop_server(server)
+                web.stop_server(server)
                 node.close()
                 rclpy.try_shutdown()
     return DONE

@@ -249,8 +249,8 @@ def _can_be_drawn(marker: Marker) -> bool:
     return marker.action == Marker.ADD and marker.type in _UPDATES and len(marker.points) >= points
 
 
-def _set(handle: Any, name: str, value: FloatArray) -> None:
-    if np.abs(getattr(handle, name) - value).max() > _STILL:
+def _set(handle: Any, name: str, value: Any) -> None:
+    if np.abs(np.subtract(getattr(handle, name), value)).max() > _STILL:
         setattr(handle, name, value)
 
 
@@ -290,15 +290,13 @@ def _update_line(handle: Any, marker: Marker) -> None:
 
 def _update_arrow(handle: Any, marker: Marker) -> None:
     handle.points = _points(marker)[None, :2].astype(np.float32)
-    if handle.head_length != marker.scale.z:
-        handle.head_length = marker.scale.z
+    _set(handle, 'head_length', marker.scale.z)
 
 
 def _update_ball(handle: Any, marker: Marker) -> None:
     _set(handle, 'position', _position(marker))
     _set(handle, 'wxyz', _wxyz(marker))
-    if handle.scale != _size(marker):
-        handle.scale = _size(marker)
+    _set(handle, 'scale', _size(marker))
 
 
 def _update_text(handle: Any, marker: Marker) -> None:

@@ -162,8 +162,7 @@ def _is_own(headers: Any, port: int, is_local: bool) -> bool:
 
 def _is_own_address(address: str, port: int) -> bool:
     """Return whether HOST:PORT is this server; browsers omit the default port of HTTP."""
-    end = f':{port}'
-    name = address.removesuffix(end)
+    name = address.removesuffix(f':{port}')
     return (name != address or port == _HTTP_PORT) and bool(_THIS_COMPUTER.fullmatch(name))
 
 

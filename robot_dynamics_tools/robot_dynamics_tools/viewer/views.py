@@ -93,8 +93,7 @@ def view_of(camera: 'viser.CameraHandle') -> View | None:
     if not camera.image_width or not camera.image_height:
         return None
     rotation = pin.Quaternion(*camera.wxyz.tolist()).matrix()
-    return View(
-        camera.position, rotation, camera.fov, camera.image_width, camera.image_height)
+    return View(camera.position, rotation, camera.fov, camera.image_width, camera.image_height)
 
 
 def newest_view(clients: 'Iterable[viser.ClientHandle]') -> View | None:

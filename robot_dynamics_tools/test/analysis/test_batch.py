@@ -87,8 +87,7 @@ def test_a_kept_dataclass_is_the_same_again(bags, tmp_path):
     paths = bags('one', 'two')
 
     def run(values):
-        return run_tasks(
-            tasks.scale, paths, tasks.Factor(np.array(values)), 1, tmp_path / 'kept')
+        return run_tasks(tasks.scale, paths, tasks.Factor(np.array(values)), 1, tmp_path / 'kept')
 
     assert [outcome.resumed for outcome in run([1.5, np.nan])] == [False, False]
     for outcome in run([1.5, np.nan]):
@@ -133,8 +132,7 @@ def test_the_key_depends_on_all_that_counts(tmp_path):
 
     assert not is_new(task_key(tasks.measure, bag, {'a': 1}))
     assert is_new(task_key(tasks.measure, bag, AnalysisTask(AnalysisSettings())))
-    task = AnalysisTask(
-        AnalysisSettings(), origin=Origin('arm.urdf', 'another command', '1.2.3'))
+    task = AnalysisTask(AnalysisSettings(), origin=Origin('arm.urdf', 'another command', '1.2.3'))
     assert not is_new(task_key(tasks.measure, bag, task))
     assert is_new(task_key(tasks.measure, bag, {'a': 2}))
     assert is_new(task_key(tasks.scale, bag, {'a': 1}))

@@ -21,8 +21,7 @@ def record_free_motion(folder: Path) -> None:
     effort = ArmDynamics(arm).inverse_dynamics_batch(states.q, states.v, states.a)
     effort += np.random.default_rng(0).normal(size=effort.shape)
     stamps = START_NS + np.round(1e9 * states.times).astype(np.int64)
-    write_recording(folder / 'bag', encoded(
-        stamps, arm.joint_names, states.q, states.v, effort))
+    write_recording(folder / 'bag', encoded(stamps, arm.joint_names, states.q, states.v, effort))
     (folder / 'arm.urdf').write_text(default_arm_urdf())
 
 

@@ -127,8 +127,7 @@ def test_positions_and_velocities_in_degrees_contradict_the_effort_of_joints_wit
         find_contradictions(arm, filter_motion(series_of(arm, in_degrees, effort)))
     many_turns = states._replace(q=20.0 * states.q, v=20.0 * states.v, a=20.0 * states.a)
     effort = rigid_effort(arm, many_turns) + 2.0 * np.tanh(many_turns.v / 0.03)
-    assert find_contradictions(
-        arm, filter_motion(series_of(arm, many_turns, effort))) == (0.0, ())
+    assert find_contradictions(arm, filter_motion(series_of(arm, many_turns, effort))) == (0.0, ())
 
 
 def test_a_delay_is_found_and_removed():

@@ -27,8 +27,7 @@ def test_terms_of_many_states_are_those_of_each(robot):
     q, v, a = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 30, n))
     terms = model_terms(dynamics, q, v, a)
     for i in range(len(q)):
-        one = dynamics.unchecked.terms(
-            q[i], v[i], a[i], friction=arm.friction.smooth_effort(v[i]))
+        one = dynamics.unchecked.terms(q[i], v[i], a[i], friction=arm.friction.smooth_effort(v[i]))
         for name, values in terms.by_name.items():
             np.testing.assert_allclose(values[i], getattr(one, name), rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(terms.effort[i], one.effort, rtol=1e-9, atol=1e-9)

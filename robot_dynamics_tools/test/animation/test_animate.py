@@ -91,8 +91,7 @@ def test_arcs_cover_the_angle_of_the_moment_clockwise_from_above(moment):
 
 def test_energy_bars_end_where_the_work_ends(swing):
     axes = axes_of()
-    panel = EnergyPanel(axes, swing)
-    panel.show(9)
+    EnergyPanel(axes, swing).show(9)
     kinetic, potential, total, heat, work = axes.patches
     assert kinetic.get_width() == pytest.approx(swing.kinetic[9])
     assert total.get_width() == pytest.approx(potential.get_x() + potential.get_width())
@@ -146,8 +145,7 @@ def write_bag(path, motion, names, urdf=None, extra=()):
 @pytest.fixture(scope='module')
 def recorded_swing(tmp_path_factory):
     motion = simulate_motion(load_arm(default_arm_urdf()), 3.0, 100.0)
-    return write_bag(
-        tmp_path_factory.mktemp('bags') / 'swing', motion, ['joint1', 'joint2'])
+    return write_bag(tmp_path_factory.mktemp('bags') / 'swing', motion, ['joint1', 'joint2'])
 
 
 def test_positions_that_wrap_give_the_same_motion(tmp_path):

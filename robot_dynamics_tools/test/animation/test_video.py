@@ -36,8 +36,7 @@ def test_a_gif_has_the_frames_their_colours_and_their_times(tmp_path):
 
 
 def test_times_that_a_gif_does_not_have_add_up_all_the_same(tmp_path):
-    write_video(
-        tmp_path / 'x.gif', [Frame(bar(k % 15 + 1), 1.0 / 12.0) for k in range(60)])
+    write_video(tmp_path / 'x.gif', [Frame(bar(k % 15 + 1), 1.0 / 12.0) for k in range(60)])
     with Image.open(tmp_path / 'x.gif') as picture:
         durations = [one.info['duration'] for one in ImageSequence.Iterator(picture)]
     assert set(durations) == {80, 90}
@@ -60,8 +59,7 @@ def test_an_mp4_lasts_as_long_as_its_frames(tmp_path):
         check_format(Path('x.mp4'))
     except MissingDependencyError as error:
         pytest.skip(str(error))
-    write_video(
-        tmp_path / 'x.mp4', [Frame(bar(k), 0.1 if k != 7 else 1.0) for k in range(1, 15)])
+    write_video(tmp_path / 'x.mp4', [Frame(bar(k), 0.1 if k != 7 else 1.0) for k in range(1, 15)])
     data = (tmp_path / 'x.mp4').read_bytes()
     assert data[4:8] == b'ftyp'
     # The header of the movie: version and flags, two dates, time scale, duration.

@@ -138,8 +138,7 @@ def test_nodes_start_with_what_was_written(output):
     assert max(written['friction.sigmoid']) > 0.5
     arm = arm_from_parameters((output / 'identified.urdf').read_text(), written)
     expected = ArmDynamics(arm)
-    arguments = [
-        '--ros-args', '--params-file', str(path), '-p', 'command:=computed_torque', '--']
+    arguments = ['--ros-args', '--params-file', str(path), '-p', 'command:=computed_torque', '--']
     with RosClient() as client, running(
             NodeProcess(SIMULATED_ARM, {
                 'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0,
@@ -174,8 +173,7 @@ def test_without_test_samples_the_folds_test_the_model(tmp_path, output, capsys)
     assert run(tmp_path, urdf, '--train-fraction', '1.0') == DONE
     printed, err = capsys.readouterr()
     assert "joint 'joint1' is revolute and has no <limit>, it is used as continuous" in err
-    identified = load_arm(tmp_path / 'out/identified.urdf')
-    assert set(identified.joint_kinds) == {'continuous'}
+    assert set(load_arm(tmp_path / 'out/identified.urdf').joint_kinds) == {'continuous'}
     assert 'Residual on the cross-validation folds, RMS relative to the effort:' in printed
     assert 'none for the test' in printed
     assert 'nan' not in printed + (tmp_path / 'out' / 'identified.yaml').read_text()

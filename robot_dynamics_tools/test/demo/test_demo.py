@@ -171,8 +171,7 @@ def test_a_node_that_dies_is_named_with_its_log(tmp_path):
 def test_replay_of_its_own_recording(closed_loop, tmp_path):
     """The model is the one that made the motion: the recording contains its description."""
     recorded, _, _ = closed_loop
-    status, out, err = run_demo(
-        tmp_path, '--replay', recorded / 'recording', '--out', 'here')
+    status, out, err = run_demo(tmp_path, '--replay', recorded / 'recording', '--out', 'here')
     assert status == 0, out + err
     assert max(relative_residuals(out).values()) < 10.0
     page = ReportPage((tmp_path / 'here' / 'report.html').read_text(encoding='utf-8'))
@@ -216,8 +215,7 @@ def test_a_directory_in_use_gets_one_of_its_own_inside(tmp_path):
 # --- components ----------------------------------------------------------------------------------
 
 def test_domain_settings_of_the_user_are_kept():
-    assert choose_domain({
-        'ROS_DOMAIN_ID': '7', 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}) == {}
+    assert choose_domain({'ROS_DOMAIN_ID': '7', 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}) == {}
     chosen = choose_domain({})
     assert 0 < int(chosen['ROS_DOMAIN_ID']) < 102
     assert chosen['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'

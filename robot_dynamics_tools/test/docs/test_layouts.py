@@ -48,8 +48,7 @@ def messages(client: RosClient) -> Iterator[dict[str, Any]]:
     with running(
             NodeProcess(DYNAMICS, UNHURRIED), NodeProcess(SIMULATED_ARM, {'rate': 50.0}),
             NodeProcess(MONITOR)):
-        collectors = {
-            topic: client.collect(kind, topic) for topic, kind in TYPES.items()}
+        collectors = {topic: client.collect(kind, topic) for topic, kind in TYPES.items()}
         collectors['/effort_command'].wait_for()  # nothing is followed before the first state
         client.publisher(JointTrajectory, '/dynamics/joint_trajectory').publish(JointTrajectory(
             joint_names=['joint1', 'joint2'], points=[

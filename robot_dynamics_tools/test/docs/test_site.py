@@ -80,15 +80,6 @@ def test_links_to_nothing_are_refused(link, source):
 
 # --- the reference of Python ---------------------------------------------------------------------
 
-def imports_of_examples() -> set[tuple[str, str]]:
-    """Return (module, name) of the imports from the package on pages and in notebooks."""
-    return {
-        (module, name.split()[0]) for page in PAGES + NOTEBOOKS
-        for module, names in re.findall(
-            r'from (robot_dynamics[\w.]*) import (\w[\w, ]*)', page.read_text(encoding='utf-8'))
-        for name in names.rstrip(' ,').split(',')}
-
-
 def test_each_package_has_a_page_with_its_names_and_modules():
     pages = python_pages.python_pages()
     packages = python_pages.packages()
@@ -106,7 +97,11 @@ def test_each_package_has_a_page_with_its_names_and_modules():
 
 
 def test_what_examples_import_is_in_the_reference():
-    found = imports_of_examples()
+    found = {
+        (module, name.split()[0]) for page in PAGES + NOTEBOOKS
+        for module, names in re.findall(
+            r'from (robot_dynamics[\w.]*) import (\w[\w, ]*)', page.read_text(encoding='utf-8'))
+        for name in names.rstrip(' ,').split(',')}
     assert {('robot_dynamics.model', 'load_arm'), ('robot_dynamics', 'load_arm')} <= found
     packages = python_pages.packages()
     modules = {module for package in packages for module in python_pages.modules(package)}

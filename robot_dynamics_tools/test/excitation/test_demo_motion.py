@@ -92,8 +92,7 @@ def test_a_start_that_is_given_is_used():
 
 def test_an_arm_near_its_limits_still_moves_below_them():
     # Held horizontally, this pendulum takes 80 % of its limit at any start of the search.
-    arm = load_arm(planar_arm_urdf(
-        [1.0], [1.0], [0.5], [0.1], effort_limits=[4.905 / 0.8]))
+    arm = load_arm(planar_arm_urdf([1.0], [1.0], [0.5], [0.1], effort_limits=[4.905 / 0.8]))
     motion = make_reference_motion(arm, 5.0, np.array([np.pi / 2]))
     assert 0.79 < motion.effort_ratio <= 0.9
     check_limits(arm, motion, 5.0)

@@ -23,11 +23,7 @@ from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics_tools.commands.excite import main
 from robot_dynamics_tools.excitation.demo_motion import sample_trajectory
 from robot_dynamics_tools.excitation.evolution_strategy import minimize_by_rank
-from robot_dynamics_tools.excitation.excitation import (
-    ConditionNumber,
-    Excitation,
-    find_excitation,
-)
+from robot_dynamics_tools.excitation.excitation import ConditionNumber, Excitation, find_excitation
 from robot_dynamics_tools.excitation.excitation_limits import motion_limits
 from robot_dynamics_tools.excitation.excitation_trajectory import exciting_trajectory
 from robot_dynamics_tools.excitation.fourier_series import series_basis

@@ -42,8 +42,7 @@ def test_holds_have_times_means_and_sides():
     series = series_of(rest(0.0), motion(0.0, 0.5), rest(0.5), motion(0.5, 0.2), rest(0.2))
     holds = find_holds(series, REVOLUTE)
     assert [hold.approach[0] for hold in holds] == [0, 1, -1]
-    np.testing.assert_allclose(
-        [hold.position[0] for hold in holds], [0.0, 0.5, 0.2], atol=1e-3)
+    np.testing.assert_allclose([hold.position[0] for hold in holds], [0.0, 0.5, 0.2], atol=1e-3)
     assert [hold.effort[0] for hold in holds] == [3.0, 3.0, 3.0]
     for hold, start, end in zip(holds, (0.0, 3.0, 6.0), (2.0, 5.0, 8.0)):
         assert abs(hold.start - start) < 0.3
@@ -63,8 +62,7 @@ def test_the_ends_of_a_hold_do_not_count():
 def test_a_short_rest_and_a_creeping_joint_are_no_hold():
     # 1 s of rest, rounded to blocks of 0.2 s, in which the end of the motion is slow
     for seconds, sides in ((1.1, []), (1.2, [1])):
-        assert sides_of(series_of(
-            motion(0.0, 0.5), rest(0.5, seconds), motion(0.5, 1.0))) == sides
+        assert sides_of(series_of(motion(0.0, 0.5), rest(0.5, seconds), motion(0.5, 1.0))) == sides
     for speed, sides in ((0.004, [1]), (0.006, [])):
         creeping = 0.5 + speed / RATE * np.arange(int(3.0 * RATE))
         assert sides_of(series_of(motion(0.0, 0.5), creeping)) == sides

@@ -285,8 +285,7 @@ def test_an_interrupt_stops_the_arm_and_keeps_the_recording(request_of, client, 
 
     bag, poses = tmp_path / 'bag', request_of().choice.file
     with meanwhile(interrupt):
-        assert calibrate(
-            poses, bag, tmp_path / 'calibrated.yaml', '--velocity', '0.002') == 130
+        assert calibrate(poses, bag, tmp_path / 'calibrated.yaml', '--velocity', '0.002') == 130
     wait_for_stop(client)
     assert during == ['none']  # it pushes joints at rest, and friction would not cancel
     assert client.get_parameter('/dynamics', 'friction_compensation') == 'reference'

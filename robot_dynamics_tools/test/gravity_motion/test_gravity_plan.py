@@ -71,8 +71,7 @@ def test_moves_stay_within_step_velocity_and_the_box_of_the_poses(limited):
         assert 1.875 * way.max() / move.duration <= 0.25 + 1e-12  # the peak of a quintic
     assert (np.min(goals, axis=0) >= poses.min(axis=0) - 0.1 - 1e-12).all()
     assert (np.max(goals, axis=0) <= poses.max(axis=0) + 0.1 + 1e-12).all()
-    assert plan.seconds == pytest.approx(
-        6 * 2.0 + sum(move.duration for _, move in plan.moves()))
+    assert plan.seconds == pytest.approx(6 * 2.0 + sum(move.duration for _, move in plan.moves()))
 
 
 def test_a_continuous_joint_does_not_wind_up(arm):

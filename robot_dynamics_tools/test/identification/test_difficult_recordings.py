@@ -18,8 +18,10 @@ import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics_tools.analysis.motion_filter import filter_motion
+from robot_dynamics_tools.identification.bag_identification import BagIdentification
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.pipeline import identify
+from robot_dynamics_tools.identification.report import as_data
 from robot_dynamics_tools.identification.steps import evaluate_motion
 from robot_dynamics_tools.identification.summary import bounds_by_joint, not_separable, warnings
 from robot_dynamics_tools.reporting.text_table import percent
@@ -107,8 +109,7 @@ def test_a_joint_at_rest_has_no_friction():
     states.q[:, joint] = 0.5 + 1e-4 * np.sin(states.times)
     states.v[:, joint], states.a[:, joint] = 1e-4 * np.cos(states.times), 0.0
     found = identify(UR5, [noisy(states, imperfect_effort(states, seed), seed)])
-    assert not_separable(found) == {
-        UR5.joint_names[joint]: ('viscous friction', 'dry friction')}
+    assert not_separable(found) == {UR5.joint_names[joint]: ('viscous friction', 'dry friction')}
     friction = fitted_friction(UR5, found.models.consistent)
     for values in (
             friction.viscous, friction.coulomb, friction.sigmoid, friction.load_coefficient):
@@ -133,6 +134,8 @@ def test_a_bound_that_acts_is_reported():
     text = (f'{UR5.joint_names[joint]}: bounds act: reflected inertia 0 instead of '
             f'{bounds["reflected inertia"].unbounded:.3g} kg·m²')
     assert any(line.startswith(text) and percent(unbounded) in line for line in warnings(found))
+    one, = as_data(BagIdentification(found, (), ()))['active_bounds']
+    assert (one['joint'], one['parameter']) == ('shoulder_lift_joint', 'reflected inertia')
 
 
 # --- a high rate ---------------------------------------------------------------------------------

@@ -225,8 +225,7 @@ def test_a_gain_without_a_load_cannot_be_identified():
     arm = load_arm(robot_urdf('ur10'))
     states = fourier_motion(arm, 100.0, 20.0)
     effort = rigid_effort(arm, states) + 5.0 * np.tanh(states.v / WIDTH)
-    gains = drive_gains(
-        reduce_motion(arm, recorded(arm, states, effort, 0.3), 1.0), prior_of(arm))
+    gains = drive_gains(reduce_motion(arm, recorded(arm, states, effort, 0.3), 1.0), prior_of(arm))
     assert gains.is_known[:3].all()
     assert not gains.is_known[5]
 

@@ -63,6 +63,5 @@ def test_a_small_motion_leaves_other_poses_uncertain(size, names):
     verdicts = joint_verdicts(identify(arm, [filter_motion(series_of(arm, states, effort))]))
     uncertain = [one.name for one in verdicts if 'in other poses' in one.text]
     assert set(names) <= set(uncertain)
-    assert not names or all(
-        one.grade is Grade.CHECK for one in verdicts if one.name in uncertain)
+    assert not names or all(one.grade is Grade.CHECK for one in verdicts if one.name in uncertain)
     assert bool(names) == bool(uncertain)

@@ -70,7 +70,7 @@ def test_merged_factors_hold_what_all_samples_hold():
     parts = [some_rows(seed, m) for seed, m in ((0, 400), (1, 300), (2, 777))]
     both = merge([reduced(*part) for part in parts])
     X, y = np.concatenate([X for X, _ in parts]), np.concatenate([y for _, y in parts])
-    assert both.sample_count == len(y)
+    assert both.rows.sum() == len(y)
     assert both.samples_per_independent_sample == pytest.approx(np.full(3, 4.0))
     for seed in range(3):
         theta = np.random.default_rng(seed).normal(size=5)
@@ -114,7 +114,7 @@ def test_blocks_of_short_recordings_share_the_folds():
     parts = [some_rows(seed, m) for seed, m in enumerate([30, 30, 20, 45, 60])]
     both = merge([reduced(*part) for part in parts])
     assert both.folds == (0, 1, 2, 3, 4, 5)
-    assert both.sample_count == both.recorded == 185
+    assert both.rows.sum() == both.recorded == 185
     theta = np.ones(5)
     r2 = [(X @ theta - y)**2 for X, y in parts]
     # recordings 0 and 1 have two blocks each, recording 2 one: its fold is number 4

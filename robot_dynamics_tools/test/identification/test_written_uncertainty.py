@@ -83,20 +83,19 @@ def share_inside(arm, q, v, a, measured):
                      for part in (is_slow, ~is_slow)])
 
 
-def identified_with_bristles(motion, *seeds):
-    """Return the arm that is identified from motions with a friction that no model describes."""
-    motions = [motion(ARM, 100.0, 30.0, seed) for seed in seeds]
-    found = identify(ARM, [recorded(
-        ARM, states, effort_of(states) + lugre_friction(states), NOISE) for states in motions])
-    return found, loaded(found, {
-        **parameter_values(ARM, found.models.consistent), **uncertainty_values(found)})
-
-
 @pytest.mark.parametrize(('motion', 'seeds'), [
     (fourier_motion, (1,)), (moves_with_pauses, (2, 3))])
 def test_the_interval_contains_95_percent_of_the_recorded_and_of_other_samples(motion, seeds):
-    """Slow and fast samples; some of the other motion are faster than the recorded ones."""
-    found, arm = identified_with_bristles(motion, *seeds)
+    """
+    Slow and fast samples; some of the other motion are faster than the recorded ones.
+
+    No model describes the friction of the arm, which has bristles.
+    """
+    motions = [motion(ARM, 100.0, 30.0, seed) for seed in seeds]
+    found = identify(ARM, [recorded(
+        ARM, states, effort_of(states) + lugre_friction(states), NOISE) for states in motions])
+    arm = loaded(found, {
+        **parameter_values(ARM, found.models.consistent), **uncertainty_values(found)})
     shown = [recording.shown for recording in found.recordings]
     share = share_inside(arm, *(
         np.concatenate([getattr(each, name) for each in shown])
@@ -114,8 +113,7 @@ def test_the_interval_contains_95_percent_of_the_recorded_and_of_other_samples(m
 def test_the_noise_is_that_of_the_recording_behind_its_filter(cases):
     for found, values in cases:
         band = values['uncertainty.noise_bandwidth']
-        cutoff = found.recordings[0].facts.cutoff_hz
-        assert band == pytest.approx(0.898 * cutoff, rel=0.01)
+        assert band == pytest.approx(0.898 * found.recordings[0].facts.cutoff_hz, rel=0.01)
         # white noise at 100 Hz has a band of 50 Hz; the errors of the model add to it
         ratio = values['uncertainty.noise_deviation'] / (NOISE * np.sqrt(band / 50.0))
         assert ((ratio > 0.9) & (ratio < 1.5)).all()

@@ -170,8 +170,7 @@ def test_missing_data_are_reported_and_estimates_restart(client, node, robot):
             robot.say(10)
 
             def estimate(stamp: int) -> np.ndarray:
-                message = estimates.wait_for(has_stamp(stamp_to_ros(stamp)))
-                return np.array(message.effort)
+                return np.array(estimates.wait_for(has_stamp(stamp_to_ros(stamp))).effort)
 
             assert estimate(robot.stamp)[1] > 2.0
             robot.say(effort=[])

@@ -80,8 +80,7 @@ def test_a_hidden_payload_is_estimated_and_applied(client):
             return bool(found[-1].success and found[-1].duration > SECONDS)
 
         wait_until(is_found, 'the whole motion', LONG)
-        answer = found[-1]
-        check(answer)
+        check(found[-1])
         assert not ask(client, link='link1').success
         wait_until(  # the node compensates friction by default
             lambda: any('set friction_compensation to none' in one for one in ask(client).remarks),

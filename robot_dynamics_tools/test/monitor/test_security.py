@@ -79,8 +79,7 @@ def test_the_policy_is_that_of_the_running_node(client, node, kind):
 def test_the_policy_allows_the_action_of_the_running_node(client):
     (expected,) = allowed('dynamics', 'execute')
     ask = client.node.get_service_names_and_types_by_node
-    wait_until(
-        lambda: f'{expected}/_action/send_goal' in dict(ask('dynamics', '/')), 'the action')
+    wait_until(lambda: f'{expected}/_action/send_goal' in dict(ask('dynamics', '/')), 'the action')
 
 
 def test_the_policy_allows_drives_no_other_nodes_and_one_controller():

@@ -58,8 +58,7 @@ def test_a_constant_effort_is_found_within_the_delay(
         phase = omega * k * dt
         q = q0 + moves * amplitude * np.sin(phase)
         v = moves * amplitude * omega * np.cos(phase)
-        measured = dynamics.inverse_dynamics(
-            q, v, -moves * amplitude * omega**2 * np.sin(phase))
+        measured = dynamics.inverse_dynamics(q, v, -moves * amplitude * omega**2 * np.sin(phase))
         measured += noise * theta * rng.normal(size=n)
         free, r = (observer.update(dt, q, v, measured - (k > 0) * effort)
                    for observer, effort in zip(observers, (np.zeros(n), tau)))

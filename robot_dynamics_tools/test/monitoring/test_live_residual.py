@@ -29,8 +29,7 @@ def test_it_is_the_butterworth_filter_of_scipy():
     t = np.arange(400) * 2e-3
     u = np.random.default_rng(0).normal(size=400)
     u[0] = 0.0
-    _, expected, states = signal.lsim(
-        ([OMEGA**2], [1.0, math.sqrt(2.0) * OMEGA, OMEGA**2]), u, t)
+    _, expected, states = signal.lsim(([OMEGA**2], [1.0, math.sqrt(2.0) * OMEGA, OMEGA**2]), u, t)
     low_pass = LowPass(CUTOFF)
     values = [low_pass.update(sample, 2e-3).copy() for sample in u[:, None]]
     assert np.array(values)[:, 0] == pytest.approx(expected, abs=1e-10)

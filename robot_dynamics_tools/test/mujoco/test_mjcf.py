@@ -111,12 +111,10 @@ def test_sites_are_the_frames_of_the_links():
     pin.framesForwardKinematics(model, data, arm.coordinates.position(q))
     for link in arm.link_names:
         placement = data.oMf[model.getFrameId(link, pin.FrameType.BODY)]
-        is_site = exported.mj.mj_name2id(
-            exported.model, exported.mj.mjtObj.mjOBJ_SITE, link) >= 0
+        is_site = exported.mj.mj_name2id(exported.model, exported.mj.mjtObj.mjOBJ_SITE, link) >= 0
         found = exported.data.site(link) if is_site else exported.data.body(link)
         np.testing.assert_allclose(found.xpos, placement.translation, atol=1e-12)
-        np.testing.assert_allclose(
-            found.xmat.reshape(3, 3), placement.rotation, atol=1e-12)
+        np.testing.assert_allclose(found.xmat.reshape(3, 3), placement.rotation, atol=1e-12)
 
 
 def test_limits_friction_and_gravity_are_fields():

@@ -44,13 +44,10 @@ def test_it_holds_and_is_pushed_and_reset(client, loop):
         assert np.abs(first.velocity).max() < 1e-3
         assert np.abs(first.effort).min() > 1.0  # holds its weight
         push(client, '/mujoco/mujoco_arm', (0.0, 0.0, 60.0), 'link2')
-        states.wait_for(lambda state: np.abs(
-            np.array(state.position) - START).max() > 0.02)
+        states.wait_for(lambda state: np.abs(np.array(state.position) - START).max() > 0.02)
         push(client, '/mujoco/mujoco_arm', ZERO, 'link2')
-        states.wait_for(lambda state: np.abs(
-            np.array(state.position) - START).max() < 0.005)
-    answer = client.call(Trigger, '/mujoco/mujoco_arm/reset', Trigger.Request())
-    assert answer.success
+        states.wait_for(lambda state: np.abs(np.array(state.position) - START).max() < 0.005)
+    assert client.call(Trigger, '/mujoco/mujoco_arm/reset', Trigger.Request()).success
 
 
 def test_invalid_messages_are_named_and_nothing_ends(client, loop):
@@ -74,8 +71,7 @@ def test_an_invalid_start_is_one_line():
 
 
 def test_without_mujoco_the_extra_is_named(tmp_path):
-    log = log_of_failed_start(
-        MUJOCO_ARM, environment=environment_without(tmp_path, ['mujoco']))
+    log = log_of_failed_start(MUJOCO_ARM, environment=environment_without(tmp_path, ['mujoco']))
     assert "(the extra 'mujoco') needs the library MuJoCo, which cannot be imported" in log
 
 

@@ -60,8 +60,7 @@ def test_the_motion_is_that_of_our_simulation(wrenches):
     assert mujoco.arm.effort_limit == pytest.approx(ours.arm.limits.effort)
     tau = np.array([-40.0, -10.0])
     for _ in range(100):
-        expected, found = (
-            each.step(tau, 0.002, wrenches) for each in (ours, mujoco))
+        expected, found = (each.step(tau, 0.002, wrenches) for each in (ours, mujoco))
     assert np.abs(expected.position - START).max() > 0.03
     assert found.position == pytest.approx(expected.position, abs=5e-3)
     assert found.velocity == pytest.approx(expected.velocity, abs=0.05)

@@ -6,14 +6,7 @@
 from dataclasses import replace
 
 import numpy as np
-from payload_bench import (
-    Case,
-    errors_in_deviations,
-    estimated,
-    hidden_load,
-    measured,
-    samples_of,
-)
+from payload_bench import Case, errors_in_deviations, estimated, hidden_load, measured, samples_of
 import pytest
 from robot_dynamics.joints.effort_calibration import make_effort_calibration
 from robot_dynamics_tools.payload_estimation import PayloadEstimate

@@ -9,12 +9,7 @@ import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics_tools.pictures.arm_marks import (
-    ArmMarks,
-    effort_line,
-    effort_scale,
-    JointPlace,
-)
+from robot_dynamics_tools.pictures.arm_marks import ArmMarks, effort_line, effort_scale, JointPlace
 from robots import robot_urdf
 
 ARM = load_arm(default_arm_urdf())

@@ -54,8 +54,7 @@ def test_a_joint_that_counts_the_other_way_round():
     view = PlanarView(arm)
     assert_same(view.passes(q, v, a), newton_euler(chain, sense * q, sense * v, sense * a))
     moments = sense * view.passes(q, v, a).tau
-    npt.assert_allclose(
-        moments, ArmDynamics(arm).inverse_dynamics(q, v, a), rtol=0.0, atol=1e-10)
+    npt.assert_allclose(moments, ArmDynamics(arm).inverse_dynamics(q, v, a), rtol=0.0, atol=1e-10)
 
 
 def test_upright_is_reported():

@@ -24,11 +24,7 @@ from robot_dynamics_tools.pictures.torque_grid import (
     make_grid,
     motion_efforts,
 )
-from robot_dynamics_tools.pictures.workspace_map import (
-    limit_ratios,
-    map_gravity,
-    smoothed,
-)
+from robot_dynamics_tools.pictures.workspace_map import limit_ratios, map_gravity, smoothed
 from robots import robot_urdf
 
 DEFAULT = load_arm(default_arm_urdf())
@@ -41,12 +37,6 @@ def arm(request):
     return load_arm(robot_urdf(request.param))
 
 
-def some_points(grid):
-    rng = np.random.default_rng(4)
-    rows, columns, _ = grid.positions.shape
-    return zip(rng.integers(0, rows, 12), rng.integers(0, columns, 12))
-
-
 def motion_of(arm):
     return np.random.default_rng(2).normal(0.0, 1.0, (2, arm.joint_count))
 
@@ -56,13 +46,12 @@ def motion_of(arm):
 def test_values_are_those_of_the_library_at_each_point(arm):
     arm = arm.with_friction(make_friction(arm.joint_names, [0.8], [1.5]))
     v, a = motion_of(arm)
-    home = np.clip(
-        np.linspace(0.3, -0.4, arm.joint_count), arm.limits.lower, arm.limits.upper)
+    home = np.clip(np.linspace(0.3, -0.4, arm.joint_count), arm.limits.lower, arm.limits.upper)
     grid = make_grid(arm, arm.joint_names[1:3], home, samples=9)
     gravity, motion = gravity_efforts(arm, grid), motion_efforts(arm, grid, v, a)
     inertia = inertia_diagonal(arm, grid)
     body, dynamics = RigidBody(arm), ArmDynamics(arm)
-    for row, column in some_points(grid):
+    for row, column in np.random.default_rng(4).integers(0, 9, (12, 2)):
         q = grid.positions[row, column]
         assert (q[1], q[2]) == (grid.x[column], grid.y[row])
         npt.assert_array_equal(np.delete(q, [1, 2]), np.delete(home, [1, 2]))

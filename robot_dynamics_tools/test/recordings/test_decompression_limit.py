@@ -12,11 +12,7 @@ import pytest
 from recordings import START_NS, stored_file, write_recording
 from robot_dynamics_tools.recordings import storage
 from robot_dynamics_tools.recordings.reader import Recording
-from robot_dynamics_tools.recordings.storage import (
-    Budget,
-    DecompressionLimitError,
-    zstd_module,
-)
+from robot_dynamics_tools.recordings.storage import Budget, DecompressionLimitError, zstd_module
 
 COMPRESSED = ('mcap_chunk', 'mcap_message', 'mcap_file', 'sqlite3_message', 'sqlite3_file')
 LIMIT = 1_000_000
@@ -33,17 +29,14 @@ def expanding(path, form, size=10 * LIMIT):
     return stored_file(write_recording(path, [(START_NS, b'\0\1\0\0' + bytes(size))], form))
 
 
-def check_refused(file):
+@pytest.mark.usefixtures('_low_limit')
+@pytest.mark.parametrize('form', ['mcap_message', 'mcap_file', 'sqlite3_message'])
+def test_a_file_that_expands_beyond_its_limit_is_refused(tmp_path, form):
+    file = expanding(tmp_path / 'bag', form)
     words = (rf'{file.name} has {file.stat().st_size} bytes and expands to more than [0-9]+, '
              rf'expected at most 200 times its size, or {LIMIT} bytes; .*zstd -d')
     with pytest.raises(DecompressionLimitError, match=words), Recording(file) as recording:
         list(recording.raw_messages(TOPIC))
-
-
-@pytest.mark.usefixtures('_low_limit')
-@pytest.mark.parametrize('form', ['mcap_message', 'mcap_file', 'sqlite3_message'])
-def test_a_file_that_expands_beyond_its_limit_is_refused(tmp_path, form):
-    check_refused(expanding(tmp_path / 'bag', form))
 
 
 @pytest.mark.usefixtures('_low_limit')

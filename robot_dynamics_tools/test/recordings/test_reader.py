@@ -137,8 +137,7 @@ def test_without_stamps_the_times_of_the_recording_count(tmp_path):
 
 
 def test_the_first_seconds(tmp_path):
-    path = write_states(tmp_path / 'bag', [
-        (10**9 * i, 'a', (float(i),)) for i in range(1, 6)])
+    path = write_states(tmp_path / 'bag', [(10**9 * i, 'a', (float(i),)) for i in range(1, 6)])
     with Recording(path) as opened:
         series = opened.joint_series('/joint_states')
     assert series.times.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]

@@ -44,8 +44,7 @@ def urdf(tmp_path):
 @pytest.mark.parametrize('name', recordings_of(ALL))
 def test_every_message_that_the_metadata_count_is_read(name, directory):
     path = recording_path(name, directory)
-    about = yaml.safe_load((path / 'metadata.yaml').read_text())[
-        'rosbag2_bagfile_information']
+    about = yaml.safe_load((path / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
     counts = {topic['topic_metadata']['name']: topic['message_count']
               for topic in about['topics_with_message_count']}
     with Recording(path) as recording:

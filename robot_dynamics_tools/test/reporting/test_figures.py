@@ -117,6 +117,5 @@ def test_neither_matplotlib_nor_ros_is_loaded_by_the_import():
         'robot_dynamics_tools.recordings.reader, robot_dynamics_tools.excitation.demo_motion\n'
         'print([name for name in ("matplotlib", "rosbags", "rclpy", "sensor_msgs", "scipy") '
         'if name in sys.modules])')
-    result = children.run(
-        [sys.executable, '-c', program], capture_output=True, text=True)
+    result = children.run([sys.executable, '-c', program], capture_output=True, text=True)
     assert result.stdout.strip() == '[]', result.stderr

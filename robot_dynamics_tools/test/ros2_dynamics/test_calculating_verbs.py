@@ -75,8 +75,7 @@ def test_derivatives(ask):
     data, by = json.loads(out), ArmDerivatives(ARM).inverse_dynamics(Q, V, [0.0, 0.0])
     assert status == 0
     for name in ('position', 'velocity', 'acceleration'):
-        np.testing.assert_allclose(
-            data[f'effort_{name}_derivative'], getattr(by, name), atol=1e-9)
+        np.testing.assert_allclose(data[f'effort_{name}_derivative'], getattr(by, name), atol=1e-9)
     text = ask('inverse', *Q, '--derivatives')[1]
     assert 'Derivative of the efforts by position\n' in text
     assert 'effort_position_derivative' not in json.loads(ask('inverse', *Q, '--json')[1])

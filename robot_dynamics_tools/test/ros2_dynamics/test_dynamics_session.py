@@ -18,14 +18,7 @@ from rclpy.qos import qos_profile_sensor_data
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.task_space.frame_kinematics import FrameKinematics
-from ros_harness import (
-    DYNAMICS,
-    NodeProcess,
-    RosClient,
-    running,
-    SIMULATED_ARM,
-    wait_until,
-)
+from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 from std_srvs.srv import Trigger

@@ -140,8 +140,7 @@ def foreign_mjcf(name: str, load: float = 0.0, floor: float | None = None) -> st
     if floor is not None:
         world = root.find('worldbody')
         assert world is not None
-        SubElement(
-            world, 'geom', name=FLOOR, type='plane', size='2 2 0.1', pos=f'0 0 {floor}')
+        SubElement(world, 'geom', name=FLOOR, type='plane', size='2 2 0.1', pos=f'0 0 {floor}')
     return ElementTree.tostring(root, encoding='unicode')
 
 

@@ -96,8 +96,7 @@ def output_of(command: list[str], directory: Path, expected: int = 0) -> str:
     """
     words = resolved(command)
     if command[0] == 'python' or 'demo' in command:
-        done = children.run(
-            words, cwd=directory, capture_output=True, text=True, timeout=LONG)
+        done = children.run(words, cwd=directory, capture_output=True, text=True, timeout=LONG)
         status, out, err = done.returncode, done.stdout, done.stderr
     else:
         with pytest.MonkeyPatch.context() as here, redirect_stdout(io.StringIO()) as printed:

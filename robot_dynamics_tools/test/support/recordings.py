@@ -104,8 +104,7 @@ def write_topics(path, topics, form='mcap', kind=JOINT_STATE):
     from rosbags import rosbag2, typesys
     storage, compression = FORMATS[form]
     writer = rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin[storage])
-    writer.set_compression(
-        rosbag2.CompressionMode[compression], rosbag2.CompressionFormat.ZSTD)
+    writer.set_compression(rosbag2.CompressionMode[compression], rosbag2.CompressionFormat.ZSTD)
     with writer:
         types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
         connections = {topic: writer.add_connection(topic, kind, typestore=types)
