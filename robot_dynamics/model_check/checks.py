@@ -57,11 +57,7 @@ def check_model(
     arm = arm_from_urdf(urdf) if arm is None else arm
     moved = _moved_bodies(robot, arm, bodies)
     M = survey_inertia(arm, min(search.samples, LARGEST_SURVEY))
-    of_bodies = [
-        *body_checks.check_masses(moved), *_check_whole_mass(arm, moved),
-        *body_checks.check_inertias(moved),
-        *body_checks.check_extents(moved, read_joint_origins(urdf)), *check_densities(moved),
-        *body_checks.check_lost_masses(moved)]
+    of_bodies = _check_bodies(urdf, arm, moved)
     findings = [
         *of_bodies,
         *_check_inertia_matrix(arm, robot, moved, M, bool(errors_of(of_bodies))),
@@ -72,7 +68,24 @@ def check_model(
     return sorted(findings, key=lambda finding: finding.level != ERROR)
 
 
+def mesh_findings(urdf: str, meshes: MeshBounds) -> list[Finding]:
+    """Return the findings that only the meshes of a URDF show; raise ModelError."""
+    robot, arm = parse_urdf(urdf), arm_from_urdf(urdf)
+    without, found = (
+        _check_bodies(urdf, arm, _moved_bodies(robot, arm, read_bodies(urdf, of)))
+        for of in (None, meshes))
+    return [finding for finding in found if finding not in without]
+
+
 # ---------------------------------------------------------------------------------------- bodies
+
+def _check_bodies(urdf: str, arm: ArmModel, moved: list[LinkBody]) -> list[Finding]:
+    return [
+        *body_checks.check_masses(moved), *_check_whole_mass(arm, moved),
+        *body_checks.check_inertias(moved),
+        *body_checks.check_extents(moved, read_joint_origins(urdf)), *check_densities(moved),
+        *body_checks.check_lost_masses(moved)]
+
 
 def _moved_bodies(robot: UrdfRobot, arm: ArmModel, bodies: list[LinkBody]) -> list[LinkBody]:
     """Return the links that a joint of the arm moves; the mass of other links has no effect."""

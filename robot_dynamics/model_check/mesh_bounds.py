@@ -10,6 +10,7 @@ unit. The unit is applied here, so that the box is the one that RViz shows. The 
 does not end for some malformed files, so it runs in a child process with limits.
 """
 
+from contextlib import suppress
 import json
 import os
 from pathlib import Path
@@ -21,7 +22,7 @@ import coal
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.urdf.mesh_files import check_mesh_file, find_mesh
+from robot_dynamics.urdf.mesh_files import check_mesh_file, find_mesh, find_untrusted_mesh
 
 COLLADA_TIMEOUT = 30.0
 """[s] to read a Collada file."""
@@ -40,17 +41,24 @@ print(json.dumps([mesh.aabb_local.min_.tolist(), mesh.aabb_local.max_.tolist()])
 class MeshReader:
     """Finds the mesh files that a URDF names (`mesh_files`), and reads each once."""
 
-    def __init__(self, directory: Path) -> None:
-        """`directory` is that of the URDF."""
-        self._directory = directory.resolve()
+    def __init__(self, directory: Path | None) -> None:
+        """`directory` is that of the URDF, None for a URDF that came over a topic."""
+        self._directory = None if directory is None else directory.resolve()
         self._known: dict[str, FloatArray | None] = {}
 
     def bounds(self, name: str) -> FloatArray | None:
         """Return the lower and upper corner (2, 3) of a mesh; None if it cannot be read."""
         if name not in self._known:
-            path = find_mesh(name, self._directory)
+            path = _trusted(name) if self._directory is None else find_mesh(
+                name, self._directory)
             self._known[name] = None if path is None else bounding_box(path)
         return self._known[name]
+
+
+def _trusted(name: str) -> Path | None:
+    with suppress(ModelError):
+        return find_untrusted_mesh(name)
+    return None
 
 
 def bounding_box(path: Path) -> FloatArray | None:

@@ -52,8 +52,8 @@ class CheckedModel(NamedTuple):
             'and meshes' if self.reads_meshes else 'only, meshes are not read') + (
             not_compared if self.unread else '')
         other = (
-            'The check of dynamics_node reads no meshes and tries fewer positions: it may report '
-            'fewer warnings.') if self.reads_meshes else (
+            'The check of dynamics_node reads meshes of installed packages only and tries fewer '
+            'positions: it may report fewer warnings.') if self.reads_meshes else (
             f'The tool check_model also reads meshes and tries {THOROUGH.samples} positions: it '
             'may report more warnings.')
         return (

@@ -9,6 +9,9 @@ no command is published. ~/robot_description contains the one in use, for other 
 """
 
 from collections.abc import Callable
+from contextlib import suppress
+from subprocess import SubprocessError
+from threading import Thread
 from typing import Any, NamedTuple
 
 from rclpy.node import Node
@@ -18,6 +21,7 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.worst_gravity import BRIEF, QUICK
 from robot_dynamics.model_check.finding import refuse_errors
+from robot_dynamics.model_check.mesh_check import lines_of_meshes
 from robot_dynamics.model_check.report import check_description
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.parameters import options_from
@@ -104,6 +108,13 @@ class ModelSource:
         self._use(model.arm, model.is_embedded)
         self._current = model
         self._in_use.publish(String(data=model.xml))
+        if '<mesh' in model.xml:
+            Thread(target=self._check_meshes, args=[model.xml], daemon=True).start()
+
+    def _check_meshes(self, xml: str) -> None:
+        with suppress(OSError, SubprocessError):  # another process: it must not slow the command
+            for line in lines_of_meshes(xml):
+                self._node.get_logger().warning(f'Model check: {line}')
 
     def _obstacle_of_embedded_arm(self) -> str:
         """Return why the embedded arm cannot be used without a description, empty if it can."""
