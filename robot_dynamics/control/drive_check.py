@@ -18,7 +18,7 @@ from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.options import DEFAULT_EFFORT_RATE, FULL_EFFORT_TIME
 from robot_dynamics.control.safety.faults import Fault
-from robot_dynamics.model.regressor import LoadRegressor
+from robot_dynamics.model.regressor import GravityRegressor, LoadRegressor
 from robot_dynamics.monitoring.drive_causes import (
     Cause,
     compare,
@@ -89,7 +89,8 @@ class DriveCheck:
         self._rotor = 0.5 * (joints.rotor[0] + joints.rotor[1])
         self.samples = DriveSamples(arm.joint_count)
         self._loads = [LoadRegressor(arm, arm.link_names[-1]) for _ in range(2)]
-        """One for the control path, one for `verdicts`."""
+        self._gravities = [GravityRegressor(arm) for _ in range(2)]
+        """Of both, one for the control path and one for `verdicts`."""
         self._n, self._none = arm.joint_count, np.zeros(arm.joint_count)
         self._is_commanded = False
         self._found: dict[int, Verdict] = {}
@@ -182,8 +183,11 @@ class DriveCheck:
 
     def _compare(self, window: DriveWindow, is_start: bool, user: int) -> Comparison:
         is_start = is_start and starts_at_rest(window, self.samples.start)
-        columns = self._loads[user](window.position, window.velocity, window.acceleration)
-        return compare(DriveModel(window, self.joints, is_start), columns[..., :4], user == 1)
+        motion = window.position, window.velocity, window.acceleration
+        gravity = self._controller.dynamics.arm.pinocchio_model.gravity.linear
+        return compare(
+            DriveModel(window, self.joints, is_start), self._loads[user](*motion)[..., :4],
+            self._gravities[user](*motion), np.array(gravity), user == 1)
 
     # ------------------------------------------------------------------ verdicts
 

@@ -85,6 +85,22 @@ class LoadRegressor(TorqueRegressor):
         return np.asarray(pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL).T @ body)
 
 
+class GravityRegressor(TorqueRegressor):
+    """The regressor G of gravity: g(q) = G(q) γ, with γ (3,) [m/s²] in the base frame."""
+
+    def __init__(self, arm: ArmModel) -> None:
+        super().__init__(arm)
+        self.parameter_count = 3
+        self._model = arm.pinocchio_model.copy()
+
+    def _of_state(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        columns = []
+        for axis in np.eye(3):
+            self._model.gravity.linear = axis
+            columns.append(pin.computeGeneralizedGravity(self._model, self._data, q).copy())
+        return np.stack(columns, axis=1)
+
+
 def random_states(arm: ArmModel, count: int, seed: int = 0) -> (
         tuple[FloatArray, FloatArray, FloatArray]):
     """Return positions within the limits, velocities and accelerations, each (count, n)."""

@@ -74,6 +74,9 @@ GOOD, PUSHED, LOADED, GRAVITY = 'agrees', 'a push or a contact', 'a load', 'adds
 RIGHT = GOOD, PUSHED, LOADED
 REVERSED, NO_EFFECT, SCALE, CLIPPED = 'reversed', 'no effect', 'command scale', 'clipped at'
 DELAYED = 'delayed by'
+TILTED = 'gravity tilted by'
+LEAST_TILT, OTHER_SIZE = 15.0, 0.3
+"""Least angle [°] of a tilted base that is named, and largest relative error of its gravity."""
 DELAY_MARGIN = 40.0
 """Log evidence that a delay needs more: loads and rotors in a fast motion look like one."""
 DELAYS = 0.03, 0.04, 0.06, 0.08
@@ -100,7 +103,8 @@ class Cause(NamedTuple):
     """
     A cause, the joint that has it, or ALL, and its log evidence beyond that of right drives.
 
-    `value` is the gain, or the clipped torque [N·m] or [N], `deviation` its standard deviation.
+    `value` is the gain, the clipped torque [N·m] or [N], or an angle [°], `deviation` its standard
+    deviation, `gravity` (3,) that of a tilted base [m/s²].
     """
 
     name: str
@@ -108,6 +112,7 @@ class Cause(NamedTuple):
     evidence: float
     value: float = 0.0
     deviation: float = 0.0
+    gravity: tuple[float, ...] = ()
 
 
 class Fits(NamedTuple):
@@ -280,27 +285,50 @@ class DriveModel:
 
         A negative mass is none.
         """
-        k, n, _ = columns.shape
         reach = np.array((1.0, *3 * (LOAD_REACH,)))
         lever = (np.abs(columns) * reach / self.joints.limit[:, np.newaxis]).max(initial=1e-9)
-        heaviest = LOAD / lever
-        A = np.zeros((k, n, 3 * n + 4))
+        evidence, (mass, *_) = self._common(-columns, LOAD / lever * reach)
+        return evidence if mass >= 0.0 else -np.inf
+
+    def tilted(self, columns: FloatArray, gravity: FloatArray) -> Cause:
+        """
+        Return the cause that the base is tilted, with its log evidence.
+
+        `columns` (k, n, 3) are torques per γ, `gravity` γ (3,) [m/s²] is that of the model.
+        """
+        evidence, change = self._common(columns, np.full(3, np.linalg.norm(gravity)))
+        true = gravity - change
+        size = np.linalg.norm(true) / max(float(np.linalg.norm(gravity)), 1e-9)
+        angle = np.degrees(np.arccos(np.clip(
+            true @ gravity / max(float(np.linalg.norm(true) * np.linalg.norm(gravity)), 1e-9),
+            -1.0, 1.0)))
+        is_tilt = angle > LEAST_TILT and abs(size - 1.0) < OTHER_SIZE
+        return Cause(TILTED, ALL, evidence if is_tilt else -np.inf, float(angle),
+                     gravity=tuple(true.tolist()))
+
+    def _common(self, columns: FloatArray, spread: FloatArray) -> tuple[float, FloatArray]:
+        """
+        Return the log evidence and the mean of parameters (m,) that act at all joints.
+
+        `columns` (k, n, m) are torques per parameter, `spread` (m,) are the deviations of their
+        priors, whose means are 0.
+        """
+        k, n, m = columns.shape
+        A = np.zeros((k, n, 3 * n + m))
         joints = np.arange(n)
         A[:, joints, joints] = self.window.commanded
         A[:, joints, n + joints] = self._passive[..., 0]
         A[:, joints, 2 * n + joints] = self._passive[..., 1]
-        A[..., 3 * n:] = -columns
-        mean, spread = (values.T.ravel() for values in self._priors((1.0, MODEL)))
-        mean = np.append(mean, np.zeros(4))
-        spread = np.append(spread, heaviest * reach)
+        A[..., 3 * n:] = columns
+        mean, of_joints = (values.T.ravel() for values in self._priors((1.0, MODEL)))
+        mean, spread = np.append(mean, np.zeros(m)), np.append(of_joints, spread)
         A, noise = A.reshape(k * n, -1), self.noise.reshape(-1)
         r = (self.window.needed.reshape(-1) - A @ mean) / noise
         A = A * (spread / noise[:, np.newaxis])
         P, h = np.eye(len(mean)) + A.T @ A, A.T @ r
         d = np.linalg.solve(P, h)
-        if d[3 * n] < 0.0:
-            return -np.inf
-        return float(-0.5 * (r @ r - h @ d + np.linalg.slogdet(P)[1]))
+        evidence = -0.5 * (r @ r - h @ d + np.linalg.slogdet(P)[1])
+        return float(evidence), (spread * d)[3 * n:]
 
 
 class Comparison(NamedTuple):
@@ -327,10 +355,13 @@ class Comparison(NamedTuple):
 
 
 def compare(
-    model: DriveModel, columns: FloatArray, is_thorough: bool = False,
+    model: DriveModel, columns: FloatArray, of_gravity: FloatArray, base_gravity: FloatArray,
+    is_thorough: bool = False,
 ) -> Comparison:
     """
-    Return the comparison; `columns` are those of `DriveModel.load`.
+    Return the comparison.
+
+    `columns` are those of `DriveModel.load`, `of_gravity` and `base_gravity` of `tilted`.
 
     `is_thorough` adds delays, and makes gains and doubt those of the whole motion.
     """
@@ -345,6 +376,8 @@ def compare(
         Cause(LOADED, ALL, model.load(columns) - base),
         Cause(GRAVITY, ALL, float(gravity.evidence.sum()) - base if (
             model.explains_arm(gravity)) else -np.inf)]
+    tilted = model.tilted(of_gravity, base_gravity)
+    found.append(tilted._replace(evidence=tilted.evidence - base))
     doubt = np.full(len(good.gain), -np.inf)
     for name, fits in (
             *((name, model.fit(u, GAINS[name])) for name in (REVERSED, NO_EFFECT)),

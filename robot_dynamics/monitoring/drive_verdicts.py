@@ -26,6 +26,7 @@ from robot_dynamics.monitoring.drive_causes import (
     NO_EFFECT,
     REVERSED,
     SCALE,
+    TILTED,
 )
 from robot_dynamics.monitoring.drive_samples import DriveWindow
 
@@ -57,6 +58,7 @@ _REMEDIES = {
     CLIPPED: 'something limits the effort: the limit or mode of the drive, <safety_controller>',
     GRAVITY: 'the robot or another controller compensates gravity: set robot_compensates: '
              '[gravity], or end the other controller',
+    TILTED: 'set gravity, or mount the base as in the URDF',
     DELAYED: 'lower gains.natural_frequency, or shorten the way of the command'}
 
 
@@ -109,7 +111,7 @@ def causes_verdicts(found: Comparison, causes: list[Cause]) -> dict[int, Verdict
     verdicts = {}
     for j in joints:
         own = [_of_joint(cause, j, found) for cause in causes]
-        if best.joint == ALL and best.name not in (GRAVITY, DELAYED) and (
+        if best.joint == ALL and best.name not in (GRAVITY, DELAYED, TILTED) and (
                 own[0].evidence < SIMILAR):
             continue
         words = [_word(cause) for cause in own]
@@ -130,6 +132,8 @@ def _word(cause: Cause) -> str:
         return f'{SCALE} {round(cause.value, 2)}'
     if cause.name == CLIPPED:
         return f'{CLIPPED} {round(cause.value, 1)}'
+    if cause.name == TILTED:
+        return f'{TILTED} {cause.value:.0f}'
     return f'{DELAYED} {cause.value:.3f}' if cause.name == DELAYED else cause.name
 
 
@@ -141,6 +145,8 @@ def _sentence(cause: Cause) -> str:
         SCALE: f'the motion needs {gain} of the command',
         CLIPPED: f'the motion needs no more than {gain}, whatever is commanded',
         GRAVITY: 'the motion needs g(q) more than the command at all joints',
+        TILTED: f'the motion needs a gravity of {np.round(cause.gravity, 1).tolist()} m/s² in the '
+                f'base frame, tilted by {cause.value:.0f}°',
         DELAYED: f'the motion follows the command {cause.value:.3f} s late'}
     return f'{evidence[cause.name]}: {_REMEDIES[cause.name]}'
 

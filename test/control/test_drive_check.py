@@ -3,7 +3,7 @@
 
 """The drive check: wrong drives are named at the joint that has them, right ones never."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
@@ -36,11 +36,13 @@ class Driven(LockStep):
     def __init__(
         self, name: str, drive: Drive = lambda tau, g: tau, load: float = 0.0,
         report: Drive | None = None, rate: float = 500.0,
+        gravity: Sequence[float] = (0.0, 0.0, -9.81),
     ) -> None:
         """`load` [kg] is a mass at the last link; `report` returns the report of a command."""
         arm = smooth_arm(name)
         self.drive, self.said = drive, report
-        super().__init__(arm, true_arm=_true_arm(arm, load), q=Q[name], rate=rate)
+        true = _true_arm(arm.with_gravity(gravity), load)
+        super().__init__(arm, true_arm=true, q=Q[name], rate=rate)
 
     def _move(self, tau: FloatArray) -> None:
         g = self._body.gravity(self.q)
@@ -112,6 +114,20 @@ def test_a_cause_of_the_whole_arm_is_named_as_such(name, word, drive):
     one.run(0.4)
     assert one.words()[J[name]] == word
     assert set(one.words()) <= {word, 'not observable yet'}
+
+
+@pytest.mark.parametrize('name', ['ur5', 'panda'])
+@pytest.mark.parametrize(('gravity', 'angle'), [
+    ((0.0, 9.81, 0.0), 90.0), ((0.0, 0.0, 9.81), 180.0), ((5.0, 0.0, -8.44), 30.6)])
+def test_a_tilted_base_is_named_with_its_gravity(name, gravity, angle):
+    one = Driven(name, gravity=gravity)
+    one.run(0.4)
+    word, sentence = one.loop.drives.verdicts()[J[name]]
+    assert word.startswith('gravity tilted by ')
+    assert float(word.split()[-1]) == pytest.approx(angle, abs=15.0)
+    assert set(one.words()) == {word}
+    assert sentence.startswith('the motion needs a gravity of [')
+    assert sentence.endswith('set gravity, or mount the base as in the URDF')
 
 
 def test_a_delay_is_named_in_motion():
