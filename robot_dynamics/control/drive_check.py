@@ -36,6 +36,7 @@ from robot_dynamics.monitoring.drive_samples import (
     DriveSamples,
     DriveWindow,
     LONGEST,
+    smoothed,
     START,
     starts_at_rest,
 )
@@ -183,7 +184,7 @@ class DriveCheck:
 
     def _compare(self, window: DriveWindow, is_start: bool, user: int) -> Comparison:
         is_start = is_start and starts_at_rest(window, self.samples.start)
-        motion = window.position, window.velocity, window.acceleration
+        motion = window.position, window.velocity, smoothed(window.acceleration)
         gravity = self._controller.dynamics.arm.pinocchio_model.gravity.linear
         return compare(
             DriveModel(window, self.joints, is_start), self._loads[user](*motion)[..., :4],

@@ -63,6 +63,8 @@ Log odds of a push, against a wrong drive, within START and later.
 
 A push within 0.3 s of the first command is a coincidence; a drive does not become wrong later.
 """
+LOAD_ODDS = 8.0
+"""Log odds of an unknown load, against a wrong drive."""
 PUSH_RATE = 0.7
 """Deviation of its change in 1 s [1/√s]: 0.1 of the effort limit within 20 ms."""
 LOAD = 0.15
@@ -283,12 +285,13 @@ class DriveModel:
         """
         Return the log evidence of a load; `columns` (k, n, 4) are torques per m and m c.
 
-        A negative mass is none.
+        A negative mass is that of a tool that the model has and the arm has not, which is rarer.
         """
         reach = np.array((1.0, *3 * (LOAD_REACH,)))
         lever = (np.abs(columns) * reach / self.joints.limit[:, np.newaxis]).max(initial=1e-9)
-        evidence, (mass, *_) = self._common(-columns, LOAD / lever * reach)
-        return evidence if mass >= 0.0 else -np.inf
+        heaviest = LOAD / lever
+        evidence, (mass, *_) = self._common(-columns, heaviest * reach)
+        return evidence + (LOAD_ODDS if mass > -0.5 * heaviest else 0.0)
 
     def tilted(self, columns: FloatArray, gravity: FloatArray) -> Cause:
         """
@@ -310,8 +313,8 @@ class DriveModel:
         """
         Return the log evidence and the mean of parameters (m,) that act at all joints.
 
-        `columns` (k, n, m) are torques per parameter, `spread` (m,) are the deviations of their
-        priors, whose means are 0.
+        `columns` (k, n, m) are torques per parameter, `spread` (m,) are the
+        deviations of their priors, whose means are 0.
         """
         k, n, m = columns.shape
         A = np.zeros((k, n, 3 * n + m))
@@ -328,7 +331,7 @@ class DriveModel:
         P, h = np.eye(len(mean)) + A.T @ A, A.T @ r
         d = np.linalg.solve(P, h)
         evidence = -0.5 * (r @ r - h @ d + np.linalg.slogdet(P)[1])
-        return float(evidence), (spread * d)[3 * n:]
+        return float(evidence), (mean + spread * d)[3 * n:]
 
 
 class Comparison(NamedTuple):

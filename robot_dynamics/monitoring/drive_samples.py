@@ -32,6 +32,7 @@ The last one is in [rad/s] or [m/s]. The velocity of the first state is assumed 
 """
 AT_REST, LATE = 0.1, 0.008
 """[rad/s] or [m/s], and [s] by which the first command may act late."""
+SMOOTHED = 5
 COUNT = 80
 """Samples in the window, at least 2 s."""
 
@@ -183,6 +184,13 @@ class DriveSamples:
         k = min(self.count, most, COUNT)
         places = np.arange(self.count - k, self.count) % COUNT
         return DriveWindow(self._times[places], *np.moveaxis(self._rows[places], 1, 0))
+
+
+def smoothed(acceleration: FloatArray) -> FloatArray:
+    """Return the mean accelerations (k, n) of SMOOTHED samples, whose noise moves no load."""
+    ones = np.ones(min(SMOOTHED, len(acceleration)))
+    count = np.convolve(np.ones(len(acceleration)), ones, 'same')
+    return np.stack([np.convolve(a, ones, 'same') / count for a in acceleration.T], axis=1)
 
 
 def starts_at_rest(window: DriveWindow, start: float) -> bool:

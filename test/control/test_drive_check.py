@@ -116,9 +116,9 @@ def test_a_cause_of_the_whole_arm_is_named_as_such(name, word, drive):
     assert set(one.words()) <= {word, 'not observable yet'}
 
 
-@pytest.mark.parametrize('name', ['ur5', 'panda'])
-@pytest.mark.parametrize(('gravity', 'angle'), [
-    ((0.0, 9.81, 0.0), 90.0), ((0.0, 0.0, 9.81), 180.0), ((5.0, 0.0, -8.44), 30.6)])
+@pytest.mark.parametrize(('name', 'gravity', 'angle'), [
+    ('ur5', (0.0, 9.81, 0.0), 90.0), ('panda', (0.0, 9.81, 0.0), 90.0),
+    ('ur5', (0.0, 0.0, 9.81), 180.0), ('panda', (5.0, 0.0, -8.44), 30.6)])
 def test_a_tilted_base_is_named_with_its_gravity(name, gravity, angle):
     one = Driven(name, gravity=gravity)
     one.run(0.4)
