@@ -171,7 +171,7 @@ def _check_closed(arm: ArmModel, robot: UrdfRobot) -> Iterator[Finding]:
 
 def _check_safety_controllers(urdf: str, arm: ArmModel) -> Iterator[Finding]:
     """
-    Yield the joints whose <safety_controller> lets no effort through that holds the arm.
+    Yield the joints whose `<safety_controller>` lets no effort through that holds the arm.
 
     ros2_control clips the effort at rest to k_velocity times the velocity limit.
     """

@@ -99,7 +99,8 @@ def test_without_a_velocity_it_is_that_of_the_middle_of_8_ms_or_of_a_period(rate
 
 WRONG: dict[str, Callable[[FloatArray], FloatArray]] = {
     'sign': lambda v: -v, 'degrees': np.degrees, 'zero': lambda v: 0.0 * v,
-    'constant': lambda v: 0.0 * v + 1.2}
+    'constant': lambda v: 0.0 * v + 3.0}
+"""The constant is twice the largest speed: one within 30 % of the velocity may be right."""
 
 
 @FEW
