@@ -32,6 +32,8 @@ UNKNOWN_WIDTH, LEAST_WIDTH = 0.025, 0.005
 """[rad] or [m] of this width, without a presliding distance and at least."""
 FRICTION_FIELDS = tuple(field for term in TERMS for field in term.fields)
 """The parameters of all terms."""
+LEAST_PRESLIDING = 1e-6
+"""[rad] or [m]: no spring is stiffer than F_c by this distance."""
 _SLOW = 1e-9
 """Velocity [rad/s] or [m/s] at which the slope of friction is that at rest."""
 
@@ -294,4 +296,9 @@ def make_friction(
             f'friction.{field.name}', given.get(field.name, ()), joint_names, otherwise)
     for field in FRICTION_FIELDS:
         field.check(values, joint_names)
+    for name, d in zip(joint_names, values['presliding_distance'].tolist()):
+        if 0.0 < d < LEAST_PRESLIDING:
+            raise InvalidInputError(
+                f'friction.presliding_distance of {name!r} is {d:g}, expected 0 or at least '
+                f'{LEAST_PRESLIDING:g}')
     return JointFriction(values)

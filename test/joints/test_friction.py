@@ -69,6 +69,8 @@ def test_the_smooth_signs():
     ('load_coefficient', [0.96],
      r"friction.load_coefficient of 'joint1' is 0.96, expected a number in \[0, 0.95\]"),
     ('presliding_distance', [-0.1], "friction.presliding_distance of 'joint1' is -0.1"),
+    ('presliding_distance', [0.0, 1e-9],
+     "friction.presliding_distance of 'joint2' is 1e-09, expected 0 or at least 1e-06"),
     ('stribek', [1.0], 'friction.stribek is unknown, expected one of'),
 ])
 def test_invalid_values_are_rejected_by_name(field, value, words):

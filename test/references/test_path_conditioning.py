@@ -240,3 +240,10 @@ def test_what_is_not_feasible_at_a_hundredth_of_the_speed_is_rejected():
         else:
             with pytest.raises(TrajectoryError, match='not feasible at any speed'):
                 conditioned(sent, slows_down=True)
+
+
+@pytest.mark.filterwarnings('error')
+def test_the_smallest_number_is_a_position_like_others():
+    sent = make_trajectory(NAMES, [0.0, 1.0, 2.0, 3.0], [[0.1, 0.0], [5e-324, 0.0], [0.0, 0.0],
+                                                         [-0.1, 0.0]])
+    assert conditioned(sent)[0].duration == pytest.approx(3.0)
