@@ -4,7 +4,9 @@
 """
 The drive check in simulation without ROS: wrong drives are named, right ones are not.
 
-    scripts/run python -m benchmarks.drive_check [--seeds N] [--good SECONDS] [--arms ARM ...]
+    scripts/run python -m benchmarks.drive_check [--seeds N] [--arms ARM ...]
+    scripts/run python -m benchmarks.drive_check --starts N
+    scripts/run python -m benchmarks.drive_check --good SECONDS [--arms ARM ...]
 
 Prints the tables of docs/evidence/drive_check.md. Arms with dry friction (1 to 3 % of the effort
 limit) and rotors that the loop does not know; states at 125 to 1000 Hz, 0 to 4 ms of delay, noise.
@@ -29,6 +31,8 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 ARMS = 'ur5', 'panda', 'z1', 'kinova', 'xarm7'
+LOADS = {'ur5': 1.5, 'panda': 1.0, 'z1': 0.9, 'kinova': 0.5, 'xarm7': 1.0, 'default': 3.0}
+"""The largest unknown load [kg]."""
 EPOCH = 1_790_000_000 * 10**9
 LOOK = 0.1
 """[s] between two looks at the verdicts."""
@@ -251,11 +255,26 @@ def good(name: str, seed: int, rate: float, seconds: float) -> Iterator[str]:
                     yield f'{name_}: {one.verdict}'
 
 
+def accused_at_starts(name: str, count: int) -> list[str]:
+    """Return the words on right drives at starts and first motions, with unknown loads."""
+    words = []
+    for seed in range(count):
+        load = LOADS[name] * float(np.random.default_rng(1000 + seed).uniform(0.3, 1.0))
+        run = Run(name, 5000 + seed, (125.0, 250.0, 500.0, 1000.0)[seed % 4], load)
+        for k in range(700):
+            if k == 450:
+                run.go()
+            run.step(None)
+        words += [one.verdict for one in run.loop.drives.verdicts() if one.is_wrong]
+    return words
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--seeds', type=int, default=1, metavar='N')
     parser.add_argument('--good', type=float, default=0.0, metavar='SECONDS')
+    parser.add_argument('--starts', type=int, default=0, metavar='N')
     parser.add_argument('--arms', nargs='+', default=list(ARMS), metavar='ARM')
     arguments = parser.parse_args()
     try:
@@ -263,7 +282,9 @@ def main() -> None:
     except MissingDependencyError as error:
         parser.error(str(error))
     rates = 125.0, 250.0, 500.0, 1000.0
-    if not arguments.good:
+    for arm in LOADS if arguments.starts else ():
+        print(f'{arm}: {arguments.starts} starts, {accused_at_starts(arm, arguments.starts)}')
+    if not arguments.good and not arguments.starts:
         print('| drive | right | named together | not yet | other word | s | rad (median, 90 %) | '
               'speed after [rad/s] |\n|---|---|---|---|---|---|---|---|')
         for kind in wrong_drives(np.ones(1)):
