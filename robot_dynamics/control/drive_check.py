@@ -54,6 +54,8 @@ from robot_dynamics.monitoring.drive_verdicts import (
 
 RECENT = 10
 """Samples that decide in the control path, after START."""
+LATER = 3
+"""Samples between two comparisons after START: one takes 1.5 ms, and a contact may last."""
 SOFT = 0.05
 """
 Feedback, as a fraction of the effort limit, with which a command begins: what friction can bear.
@@ -153,6 +155,8 @@ class DriveCheck:
                 not self._controller.laws.follows or not self._is_suspicious(*samples.last)):
             return None
         is_start = time <= samples.start + START
+        if not is_start and samples.count % LATER:
+            return None
         window = samples.window(COUNT if is_start else RECENT)
         try:
             comparison = self._compare(window, is_start, 0)
