@@ -410,6 +410,7 @@ def _in_motion(model: DriveModel, columns: FloatArray) -> tuple[Fits, FloatArray
     model.only(model.moves)
     good, free = model.right(), model.fit(u, GAINS[SCALE])
     doubt = np.maximum(*(model.fit(u, GAINS[name]).evidence for name in (REVERSED, NO_EFFECT)))
+    doubt = np.where(model.explains(good), doubt, np.inf)
     pushed = np.maximum(model.fit(u, right, is_pushed=True).evidence, good.evidence)
     known = max(float(pushed.sum()), model.load(columns))
     fits = [(d, model.fit(delayed(window.time, u, d), right)) for d in DELAYS]
