@@ -70,16 +70,16 @@ def test_without_a_measured_effort_a_robot_that_is_not_commanded_shows_nothing(c
 
 
 @pytest.mark.parametrize(('scale', 'word'), [
-    ([-1.0, 1.0], 'reversed'), ([0.25, 1.0], 'command scale 0.2')])
+    ([-1.0, 1.0], 'reversed'), ([0.25, 1.0], 'command scale 0.')])
 def test_a_wrong_drive_ends_the_command_and_is_named(client, scale, word):
     with client.collect(DiagnosticArray, '/diagnostics') as diagnostics, \
             client.collect(JointState, '/wrong/joint_states', KEEP_MANY) as states, \
             client.collect(JointState, '/wrong/effort_command', KEEP_MANY) as efforts, \
             closed_loop('/wrong', rate=500.0, real_time_factor=1.0, **{
                 'joints': NAMES, 'effort.command_scale': scale}) as node:
-        diagnostics.wait_for(lambda message: drives(message, '/wrong').get(
-            'joint1', '').startswith(word), LONG)
-        node.wait_for_log(f'Drive of .joint1.: {word}', LONG)
+        diagnostics.wait_for(  # perhaps with another cause
+            lambda message: word in drives(message, '/wrong').get('joint1', ''), LONG)
+        node.wait_for_log(f'Drive of .joint1.: .*{word}', LONG)
         report = diagnostics.wait_for(lambda message: any(
             status.name == '/wrong/dynamics: command' and 'wrong_drive' in status.message
             for status in message.status), LONG)
