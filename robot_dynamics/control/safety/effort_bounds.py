@@ -3,17 +3,14 @@
 
 """Effort limits of a command, with regard to the efforts that the robot adds on its own."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.control.safety.effort_limiter import Range
 from robot_dynamics.joints.effort_calibration import EffortCalibration
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm_dynamics import EffortTerms
-
-_FAR = 1e6
-"""Largest distance from the ends of a range that is used."""
 
 
 class RobotEffort(NamedTuple):
@@ -49,30 +46,6 @@ def robot_effort(
     return RobotEffort(
         scale * gravity if convention.compensates_gravity else 0.0,
         scale * friction if convention.compensates_friction else 0.0)
-
-
-class Range:
-    """
-    The values (n,) from `low` to `high`, which may be infinite.
-
-    Values are mostly near the last ones that were compared: within `clearance` of `center`, all
-    are in the range.
-    """
-
-    def __init__(self, low: FloatArray, high: FloatArray) -> None:
-        self.low, self.high = low, high
-        self.center, self.clearance = [0.0] * len(low), -1.0
-
-    def contains(self, values: list[float]) -> bool:
-        """Return whether n values are finite and in the range."""
-        if math.dist(values, self.center) <= self.clearance:
-            return True
-        x = np.array(values)
-        clearance = float(np.minimum(self.high - x, x - self.low).min(initial=_FAR))
-        if not clearance >= 0.0:
-            return False
-        self.center, self.clearance = values, 0.999 * clearance  # not beyond it by rounding
-        return True
 
 
 class EffortBounds:

@@ -23,11 +23,36 @@ import math
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws.error_feedback import DEFAULT_NATURAL_FREQUENCY
-from robot_dynamics.control.safety.effort_bounds import Range
 from robot_dynamics.control.safety.faults import STATE_TIMEOUT
 
 POSITION_MARGIN = 0.01
 """[rad] or [m] before a position limit from which no effort accelerates the joint towards it."""
+_FAR = 1e6
+"""Largest distance from the ends of a range that is used."""
+
+
+class Range:
+    """
+    The values (n,) from `low` to `high`, which may be infinite.
+
+    Values are mostly near the last ones that were compared: within `clearance` of `center`, all
+    are in the range.
+    """
+
+    def __init__(self, low: FloatArray, high: FloatArray) -> None:
+        self.low, self.high = low, high
+        self.center, self.clearance = [0.0] * len(low), -1.0
+
+    def contains(self, values: list[float]) -> bool:
+        """Return whether n values are finite and in the range."""
+        if math.dist(values, self.center) <= self.clearance:
+            return True
+        x = np.array(values)
+        clearance = float(np.minimum(self.high - x, x - self.low).min(initial=_FAR))
+        if not clearance >= 0.0:
+            return False
+        self.center, self.clearance = values, 0.999 * clearance  # not beyond it by rounding
+        return True
 
 
 class EffortLimits:
