@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The check of the meshes of a URDF, in a process of its own.
+The check of the meshes of a URDF, in a separate process.
 
 Meshes take seconds and memory, which the process that commands an arm does not have. The
 description may be that of another program: only meshes that it may name are opened
