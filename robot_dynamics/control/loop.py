@@ -253,6 +253,10 @@ class ControlLoop:
             steady_ns = clock_ns if steady_ns is None else steady_ns
             now = self._steady = 1e-9 * steady_ns
             try:
+                if v is None and self.supervisor.options.requires_velocities:
+                    raise ImplausibleStateError(
+                        'no velocity', 'velocity is empty, expected one value per joint '
+                        '(require_measured_velocities)')
                 signals = self.gate.take(
                     stamp_ns, q, v, clock_ns, steady_ns, has_several_publishers)
                 if signals.verdict.restart and self.states > 0:

@@ -9,7 +9,12 @@ from loop_motions import arm_named, in_motion, place, Q, rests
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.control.safety.supervisor import Mode
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
+from robot_dynamics.planar.urdf import default_arm_urdf
 
 
 def sign(j: int) -> Sensor:
@@ -139,3 +144,12 @@ def test_a_joint_that_is_frozen_at_rest_stays_a_fault():
     assert all(mode is Mode.FAULT for mode in trace.mode[trace.mode.index(Mode.FAULT):])
     assert not np.isnan(trace.effort[-10:]).all()
     assert trace.last(1.0).speed.max() < 0.1
+
+
+def test_states_without_velocities_are_dropped_if_they_are_required():
+    one = ControlLoop.of_arm(load_arm(default_arm_urdf()))
+    limits, q = one.supervisor.limiter.limits, np.array([0.8, 0.5])
+    one.set_options(one.controller.options, limits, SafetyOptions(requires_velocities=True))
+    with pytest.raises(ImplausibleStateError, match='require_measured_velocities'):
+        one.answer(FIRST_STAMP, q, None)
+    assert one.answer(FIRST_STAMP + MS, q, 0.0 * q).effort is not None

@@ -32,6 +32,8 @@ class SafetyOptions:
     end_action: str = END_ACTIONS[0]
     is_lock_step: bool = False
     """Whether a simulation waits for the answer to each state."""
+    requires_velocities: bool = False
+    """Whether a state without measured velocities is dropped."""
 
 
 class FaultAction:

@@ -146,6 +146,9 @@ SPECS = (
         'therefore omits: gravity, friction.'), choices=ROBOT_COMPENSATIONS, read_only=True),
     robot_description.ROBOT_GRAVITY_SPEC,
     IMU_SPEC,
+    flag('require_measured_velocities', False, (
+        'Drop joint states without velocities. By default, velocities that are missing are those '
+        'of the positions, late by 4 ms or half a period of the states.')),
     *SAFETY_SPECS,
     GOAL_SPEC,
     flag('autostart', True, (
@@ -220,4 +223,5 @@ def safety_options(values: Values) -> SafetyOptions:
     """Return the options of the supervisor."""
     return SafetyOptions(
         state_timeout(values), values['fault_action'], values['hold_time'],
-        values['ramp_time'], values['end_action'], values['lock_step'])
+        values['ramp_time'], values['end_action'], values['lock_step'],
+        values['require_measured_velocities'])
