@@ -9,6 +9,7 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.drive_check import DriveCheck
+from robot_dynamics.control.gains.oscillation import REST_SPEED
 from robot_dynamics.control.gate import LEFT
 from robot_dynamics.control.laws.law_table import NO_COMMAND
 from robot_dynamics.control.trajectory_goal import GOAL_TOLERANCE, LATE
@@ -77,17 +78,18 @@ def shortfall(controller: Controller, drives: DriveCheck) -> str:
     Return which joint rests most beyond GOAL_TOLERANCE from the end of its reference, and why.
 
     Friction, loads and contacts are named only if the motion has confirmed the drive of the joint.
-    The result is empty if there is none, during a motion, and for LATE seconds afterwards.
+    The result is empty if there is none, while this joint moves, and until LATE seconds after the
+    reference ended.
     """
     with controller.lock:
         trajectory, state = controller.trajectory, controller.state
         if trajectory is None or state is None or (
                 state[0] < trajectory.end_ns + 1e9 * LATE):
             return ''
-        stamp_ns, q, _ = state
+        stamp_ns, q, v = state
         e = controller.position_error(trajectory.sample(stamp_ns).position, q)
         j = int(np.argmax(np.abs(e)))
-        if not abs(e[j]) > GOAL_TOLERANCE:
+        if not abs(e[j]) > GOAL_TOLERANCE or abs(v[j]) > REST_SPEED:
             return ''
         arm, body = controller.dynamics.arm, controller.dynamics.rigid_body
         K = body.mass_matrix(q) * controller.laws.feedback_gains[0]

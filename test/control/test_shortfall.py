@@ -15,8 +15,12 @@ START = np.array([0.7, 0.5])
 GOAL = np.array([0.8, 0.7])
 
 
-def rests_at(position: np.ndarray, patience: float = 0.51) -> str:
-    """Return the shortfall of an arm that rests at a position `patience` [s] after its motion."""
+def rests_at(position: np.ndarray, patience: float = 0.51, speed: float = 0.0) -> str:
+    """
+    Return the shortfall of an arm that rests at a position `patience` [s] after its motion.
+
+    In the last 0.1 s its joints move away from there at a speed [rad/s].
+    """
     arm = smooth_arm('default')
     loop = ControlLoop.of_arm(arm)
     # A motion of the arm that stops short; its sensors have noise.
@@ -28,7 +32,8 @@ def rests_at(position: np.ndarray, patience: float = 0.51) -> str:
         reference = loop.reference
         q = START if reference is None else reference.position
         way = np.minimum(np.abs(q - START), np.abs(position - START))
-        q = START + np.sign(position - START) * way
+        moved = max(FIRST_STAMP + k * MS - last_ns + 100 * MS, 0) if k > 200 else 0
+        q = START + np.sign(position - START) * way + 1e-9 * moved * speed
         loop.answer(FIRST_STAMP + k * MS, q + 1e-9 * (k % 7), None)
         k += 2
     assert loop.supervisor.fault_count == 0
@@ -45,6 +50,12 @@ def test_a_joint_is_not_named_within_half_a_second_after_its_motion():
     assert rests_at(GOAL - [0.0, 0.1], patience=-0.2) == ''
     assert rests_at(GOAL - [0.0, 0.1], patience=0.49) == ''
     assert rests_at(GOAL - [0.0, 0.1], patience=0.51) != ''
+
+
+def test_a_joint_that_moves_is_not_said_to_rest():
+    assert rests_at(GOAL - [0.0, 0.1], speed=0.015) != ''
+    assert rests_at(GOAL - [0.0, 0.1], speed=0.03) == ''
+    assert rests_at(GOAL - [0.0, 0.1], speed=-0.03) == ''
 
 
 @pytest.mark.parametrize('missing', [0.03, 0.15])

@@ -30,6 +30,8 @@ RATE = np.array([1500.0, 600.0])
 """`effort_rate_limit` of the default arm by default [N·m/s]: its effort limits in 0.1 s."""
 UNFOLLOWED = {'following_error_limit': [0.0]}
 """With it the reference may leave an arm at rest until the command exceeds its limits."""
+FOLLOWING = "following|'.*' rests .*"
+"""Message of the status `reference` with a reference, of any arm."""
 NO_STREAM = {'reference_timeout': 0.001}
 """For tests of other faults: set-points at this distance do not form a stream that times out."""
 
@@ -83,9 +85,9 @@ class Swing:
 
 
 def follow(bench: FaultBench, q: Sequence[float]) -> None:
-    """Make the node follow a set-point."""
+    """Make the node follow a set-point; the driver may report an arm that does not follow it."""
     bench.set_point(q)
-    bench.wait_message('reference', 'following')
+    bench.wait_message('reference', FOLLOWING)
 
 
 def move_by_hand(bench: FaultBench, q: Sequence[float]) -> None:
