@@ -177,9 +177,10 @@ def _parameters_page() -> str:
         '# Parameters\n',
         'Arrays with one value per joint are in the order of `joints`, which must then be set. '
         'An invalid value is rejected with a reason, at start and at run time. The files in '
-        '[config](../../config/) show parameters with comments. Their key `/**` applies to both '
-        'nodes in any namespace and under any name; a key such as `/dynamics` applies only to '
-        'the node with exactly this full name. A node warns of sections that it ignores.\n']
+        '[config](../../config/default_arm.yaml) show parameters with comments. Their key `/**` '
+        'applies to both nodes in any namespace and under any name; a key such as `/dynamics` '
+        'applies only to the node with exactly this full name. A node warns of sections that it '
+        'ignores.\n']
     for name, (_, specs, _) in NODES.items():
         text += [f'## `{name}`\n', _table(
             ('parameter', 'type', 'default', 'values', 'run time', 'meaning'),

@@ -12,13 +12,16 @@ from collections.abc import Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+STUBS = 'index.md', 'contributing.md'
+"""Into which docs/conf.py inserts README.md and CONTRIBUTING.md."""
 MOST_WORDS = 45_000
 """Of all pages without the appendix."""
 
 
 def pages() -> list[Path]:
     """Return the pages that people write."""
-    return [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))]
+    return [ROOT / 'README.md', *(page for page in sorted((ROOT / 'docs').glob('*.md'))
+                                  if page.name not in STUBS)]
 
 
 def appendix() -> list[Path]:
