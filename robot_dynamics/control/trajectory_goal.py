@@ -6,7 +6,7 @@ A trajectory that is executed within tolerances, with a result, without ROS.
 
 The rules are those of the action `control_msgs/action/FollowJointTrajectory` and of
 `joint_trajectory_controller` (ros2_controllers, branch jazzy), with the differences that
-docs/moveit.md lists. `ControlLoop.execute` starts a goal, and judges it after each state.
+docs/trajectories.md lists. `ControlLoop.execute` starts a goal, and judges it after each state.
 """
 
 from collections import deque

@@ -6,8 +6,8 @@ Every number that docs/safety.md promises, in the order of the page, as a litera
 
 A default loop is driven just below and just above each bound, so that a change of the number
 fails. Nothing here is imported from the product to compare the product with it. Numbers of
-docs/command.md and docs/gains.md on which a user relies follow. The last test finds a number of
-docs/safety.md that is not in `STATED`.
+docs/command.md and docs/control_laws.md on which a user relies follow. The last test finds a
+number of docs/safety.md that is not in `STATED`.
 """
 
 from collections.abc import Sequence
@@ -306,7 +306,7 @@ def test_small_set_point():
 # --- command.md ----------------------------------------------------------------------------------
 
 def test_the_defaults_of_the_feedback():
-    """gains.md: ω = 20 rad/s and ζ = 1; command.md: damping in a fault is half of K_d."""
+    """control_laws.md: ω = 20 rad/s and ζ = 1; command.md: damping in a fault is half of K_d."""
     one = Fed().states(300)
     before, moment, v = one.state(), 0.28, 0.01
     one.q = one.q + 1e-5
@@ -377,12 +377,12 @@ def test_the_scale_of_a_velocity_may_be_wrong_by_30_percent(factor, is_consisten
     assert one.loop.gate.doubtful.any() != is_consistent
 
 
-# --- gains.md ------------------------------------------------------------------------------------
+# --- control_laws.md -----------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('load', 'rate', 'steady', 'largest'), [
     (1.0, 125.0, 0.052, 0.056), (4.0, 125.0, 0.215, 0.263)])
 def test_the_sag_under_an_unknown_load(load, rate, steady, largest):
-    """gains.md: errors of the second joint, held at 0.3 rad at both joints."""
+    """control_laws.md: errors of the second joint, held at 0.3 rad at both joints."""
     q = np.array([0.3, 0.3])
     one = LockStep(arm_named('default'), true_arm=loaded(load), q=q, rate=rate)
     error = np.abs(one.run(5.0).q - q).max(axis=1)

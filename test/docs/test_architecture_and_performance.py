@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""docs/architecture.md names what exists, docs/performance.md has figures of benchmarks.md."""
+"""docs/architecture.md names what exists, performance.md has figures of benchmarks.md."""
 
 import importlib
 from pathlib import Path
@@ -14,7 +14,7 @@ PACKAGE = Path(robot_dynamics.__file__).parent
 TEXT = (PACKAGE.parent / 'docs' / 'architecture.md').read_text(encoding='utf-8')
 DOCS = PACKAGE.parent / 'docs'
 PAGE = (DOCS / 'evidence' / 'benchmarks.md').read_text(encoding='utf-8')
-GUIDE = (DOCS / 'performance.md').read_text(encoding='utf-8')
+GUIDE = (DOCS / 'evidence' / 'performance.md').read_text(encoding='utf-8')
 CONDITIONS = re.compile(r'\b(?:7 joints|10,000 samples|p99|100 calls per second)')
 THREAD = re.compile(r"name=f?'([^']+)'")
 
@@ -64,7 +64,7 @@ def test_each_benchmark_has_its_figures(monkeypatch):
 
 
 def rows_of_the_guide() -> list[tuple[str, str]]:
-    """Return the result and the benchmark of each row of the table of docs/performance.md."""
+    """Return the result and the benchmark of each row of the table of performance.md."""
     cells = [[cell.strip() for cell in line.strip('|').split('|')]
              for line in GUIDE.splitlines() if line.startswith('|')][2:]
     return [(result, benchmark.strip('`')) for _, result, benchmark in cells]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Joints, controllers and threshold of ros2_control.md and real_robot.md fit each other."""
+"""Joints, controllers and threshold of robots.md and real_robot.md fit each other."""
 
 from pathlib import Path
 import re
@@ -12,7 +12,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / 'docs' / 'ros2_control.md').read_text(encoding='utf-8')
+PAGE = (ROOT / 'docs' / 'robots.md').read_text(encoding='utf-8')
 ROBOT_PAGE = (ROOT / 'docs' / 'real_robot.md').read_text(encoding='utf-8')
 TYPES = {
     'joint_state_broadcaster': 'joint_state_broadcaster/JointStateBroadcaster',

@@ -12,8 +12,7 @@ from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.ros.dynamics.parameters import SAFETY_SPECS, SPECS
 
 DOCS = Path(__file__).parents[2] / 'docs'
-PAGES = (
-    'safety.md', 'command.md', 'joint_states.md', 'gains.md', 'contacts.md', 'external_effort.md')
+PAGES = 'safety.md', 'command.md', 'control_laws.md', 'effort_semantics.md'
 TEXT = ''.join((DOCS / name).read_text(encoding='utf-8') for name in PAGES)
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The client of docs/moveit.md, which goes through all results of the action."""
+"""The client of docs/trajectories.md, which goes through all results of the action."""
 
 from pathlib import Path
 import re

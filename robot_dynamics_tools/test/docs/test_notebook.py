@@ -26,7 +26,7 @@ K_T, RATIO, RESISTANCE, EFFICIENCY, VOLTAGE, INERTIA = 0.05, 100.0, 0.8, 0.8, 24
 TORQUE, HALF_GAP, MOTOR, LINK = 1.0, 0.01, 0.2, 0.6
 REDUCED, APPROACH = MOTOR * LINK / (MOTOR + LINK), sqrt(2.0 * TORQUE * HALF_GAP / MOTOR)
 CYCLE_AMPLITUDE, CYCLE_FREQUENCY = 25.7, 6.79
-"""Limit cycle [mrad], [rad/s] by harmonic balance: docs/backlash.md."""
+"""Limit cycle [mrad], [rad/s] by harmonic balance: docs/friction.md."""
 CLOSED_FORMS = [
     ('friction', r' 0\.10 rad/s: library (\S+)', F_V * 0.1 + F_C + (F_S - F_C) * exp(-1.0), 1e-4),
     ('friction', r'stick takes +(\S+)', 2.0 * (F_S - F_C) / (20.0 * 0.2), 0.01),

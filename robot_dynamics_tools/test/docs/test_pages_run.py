@@ -139,7 +139,7 @@ def test_the_tutorial(tmp_path):
 
 @pytest.mark.soak
 def test_the_arm_sags_at_the_start_and_holds_at_the_end(tmp_path):
-    page = text_of('docs/sagging_arm.md')
+    page = text_of('docs/gravity_calibration.md').split('\n## Before a real arm')[0]
     printed = run_page(page, tmp_path, {
         f'ros2 dynamics move {goal}': 1 for goal in ('1.0', '3.1416')})
     assert {started_by(command) for command in files_and_commands(page)[1]} >= {
@@ -159,7 +159,8 @@ def test_the_arm_sags_at_the_start_and_holds_at_the_end(tmp_path):
 def test_the_panda_moves_and_touches_the_table(tmp_path):
     pytest.importorskip('mujoco')
     shutil.copy(robot_path('panda'), tmp_path / 'panda.urdf')
-    printed = run_page(text_of('docs/mujoco_arm.md'), tmp_path, {'ros2 dynamics move 0.0 0.35': 1})
+    page = text_of('docs/simulation.md').split('\n## An arm in MuJoCo\n')[1]
+    printed = run_page(page, tmp_path, {'ros2 dynamics move 0.0 0.35': 1})
     moved, touched = [out for command, out in printed if ' dynamics move ' in command]
     assert len(final_errors(moved)) == len(final_errors(touched)) == 7
     assert max(map(abs, final_errors(moved))) < 0.04

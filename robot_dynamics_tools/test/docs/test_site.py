@@ -42,4 +42,5 @@ def test_links_lead_to_files_and_their_anchors_to_headings(page):
 
 
 def test_the_pages_are_few_and_short():
+    assert len(words.pages()) <= words.MOST_PAGES
     assert words.words(words.pages()) <= words.MOST_WORDS

@@ -28,7 +28,7 @@ FILE = re.compile(r'(?<![\w./$-])[\w./-]+\.(?:urdf|xacro|yaml|xml|py|mcap)(?![\w
 RECORDING = re.compile(r'[a-z]\w*(/\w+)*')
 PLACEHOLDER = re.compile(r'[A-Z]{2,}(\.\w+)?…?')
 TOOLS = ('planar_urdf', 'check_model', 'excite', 'analyze', 'identify', 'export_mjcf')
-DESCRIBED = {'mujoco_arm.md': {'panda.urdf'}}
+DESCRIBED = {'simulation.md': {'panda.urdf'}}
 """Files of other packages that a page names."""
 READ_RECORDINGS = ('analyze', 'identify', 'animate', '--replay', 'play')
 
@@ -110,7 +110,7 @@ SLOW = ('excite', 'analyze', 'identify')
 TUTORIAL = [words for block in blocks_of(ROOT / 'docs' / 'tutorial.md')
             for words in block.commands]
 """test_pages_run.py runs the slow tools; other pages run them only with other options."""
-RUN_ELSEWHERE = ('mujoco_arm.md', 'sagging_arm.md', 'tutorial.md')
+RUN_ELSEWHERE = ('gravity_calibration.md', 'simulation.md', 'tutorial.md')
 RUN = [page for page in PAGES if page.name not in RUN_ELSEWHERE and any(
     block.language == 'python' or any(tool in words for words in block.commands for tool in TOOLS)
     for block in blocks_of(page))]
