@@ -100,8 +100,8 @@ def _topics_page() -> str:
         'The column "quality of service" lists what the publisher offers or the subscriber '
         'requests.\n',
         'Arrays in services are in the order of `joint_names`, or in the order of the node if '
-        '`joint_names` is empty. [Conventions](../concepts.md#conventions) describes omitted names '
-        'and mimic joints.\n']
+        '`joint_names` is empty. [Conventions](../concepts.md#conventions) describes omitted '
+        'names and mimic joints.\n']
     for name in NODES:
         with _node(name) as node:
             out = node.get_publisher_names_and_types_by_node(name, '/')

@@ -13,7 +13,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 NOT_FOR_USERS = 'architecture.md', 'contributing.md', 'index.md', 'releasing.md'
-"""For contributors, and the pages into which docs/conf.py inserts README.md and CONTRIBUTING.md."""
+"""For contributors, and the pages into which docs/conf.py inserts README and CONTRIBUTING."""
 MOST_PAGES, MOST_WORDS = 25, 45_000
 """For users, README included."""
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The terms of each control law sum to the effort, including the law of docs/control_laws.md."""
+"""The terms of each control law sum to the effort, also of that of docs/examples/spring.py."""
 
 from collections.abc import Iterator
 from pathlib import Path

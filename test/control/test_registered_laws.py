@@ -5,7 +5,7 @@
 Every registered control law is stable in closed loop, without friction and with a delay.
 
 The laws are those of this package, those of the entry points that are installed, and the spring of
-docs/control_laws.md. All run with the default parameters of
+docs/examples/spring.py. All run with the default parameters of
 `dynamics`, except that references are not conditioned: a set-point is then a disturbance.
 """
 

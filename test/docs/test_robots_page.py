@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""docs/robots.md and its parameter files: a node runs with each, on messages of the driver."""
+"""drivers.md and the parameter files: a node runs with each, on messages of the driver."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = ROOT / 'config' / 'robots'
-PAGE = (ROOT / 'docs' / 'robots.md').read_text(encoding='utf-8')
+PAGE = (ROOT / 'docs' / 'evidence' / 'drivers.md').read_text(encoding='utf-8')
 NODE = '/cell/arm_model'
 """Another namespace and name than the default, as the files are for any of both."""
 NAN = float('nan')
@@ -100,7 +100,7 @@ def description(file: str) -> str:
 def test_the_page_names_every_file_and_separates_documentation_from_trials():
     files = {path.name for path in FILES.iterdir()}
     assert set(re.findall(r'config/robots/([\w.]+)', PAGE)) == files == set(DRIVERS)
-    for text in re.split(r'^###? .+$', PAGE, flags=re.MULTILINE)[1:]:
+    for text in re.split(r'^## .+$', PAGE, flags=re.MULTILINE)[1:]:
         if 'config/robots/' in text:
             before, source, _ = re.split(r'\*\*From the documentation|\*\*Tried here', text)
             assert before == text.split('**From the documentation')[0]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The law of docs/control_laws.md in a package of its own, on a running node."""
+"""The law of docs/examples/spring.py in a package of its own, on a running node."""
 
 import os
 from pathlib import Path
@@ -22,7 +22,8 @@ ERROR = np.array([0.05, -0.02])
 
 
 def test_the_law_has_25_lines():
-    assert len([line for line in PAGE_MODULE.splitlines() if line.strip()]) <= 25
+    law = PAGE_MODULE[PAGE_MODULE.index('class Spring'):PAGE_MODULE.index('if __name__')]
+    assert len([line for line in law.splitlines() if line.strip()]) <= 25
 
 
 def test_a_law_in_another_package_has_parameters_and_a_topic(client, tmp_path: Path):

@@ -1,21 +1,19 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The control law of docs/control_laws.md."""
+"""The control law of docs/examples/spring.py."""
 
 from pathlib import Path
-import re
 from typing import Any
 
 from robot_dynamics.control.laws.control_law import ControlLaw
 
-PAGE = Path(__file__).parents[2] / 'docs' / 'control_laws.md'
-PAGE_MODULE, = re.findall(r'```python\n(# spring.py\n.*?)```', PAGE.read_text(), re.DOTALL)
+PAGE_MODULE = (Path(__file__).parents[2] / 'docs' / 'examples' / 'spring.py').read_text()
 
 
 def page_law() -> type[ControlLaw]:
     """Return the law."""
-    scope: dict[str, Any] = {}
+    scope: dict[str, Any] = {'__name__': 'spring'}
     exec(compile(PAGE_MODULE, 'spring.py', 'exec'), scope)
     law: type[ControlLaw] = scope['Spring']
     return law
