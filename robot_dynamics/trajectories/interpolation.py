@@ -6,7 +6,7 @@ Interpolation between the points of a joint trajectory: q(t), v(t), a(t) on one 
 
 The interpolation is that of `joint_trajectory_controller` (ros2_controllers, branch jazzy,
 class `Trajectory`): linear, cubic or quintic, depending on the fields of both ends of a segment.
-docs/trajectories.md lists the differences and their reasons.
+docs/evidence/jtc.md lists the differences.
 """
 
 from collections.abc import Sequence

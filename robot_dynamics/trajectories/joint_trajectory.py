@@ -7,7 +7,7 @@ The type of joint trajectories, and the checks that reject invalid ones.
 `make_trajectory` takes the fields of a message and returns a `JointTrajectory` in the joint order
 of the arm, or raises a `TrajectoryError` that describes the fault.
 The rules are those of `joint_trajectory_controller` (ros2_controllers, branch jazzy, function
-`validate_trajectory_msg`) with the differences that docs/trajectories.md lists.
+`validate_trajectory_msg`) with the differences that docs/evidence/jtc.md lists.
 """
 
 from array import array
