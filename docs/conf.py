@@ -21,7 +21,7 @@ LINK = re.compile(  # or a block of code, which stays unchanged
     r'^(```|~~~).*?^\1[`~]*$|(?<=\]\()(?!#|[a-z]+:)(?P<link>[^)#\s]+)', re.MULTILINE | re.DOTALL)
 PACKAGES = {'robot_dynamics': ROOT, 'robot_dynamics_tools': ROOT / 'robot_dynamics_tools'}
 NO_LIBRARY = ('ros', 'tools', 'commands', 'demo', 'gravity_motion', 'monitor', 'ros2_dynamics',
-              'viewer', 'mujoco/mujoco_arm.py', 'recordings/recorder.py')
+              'viewer', 'mujoco/mujoco_arm.py', 'recorder.py')
 """Nodes and executables, which the Python reference leaves out."""
 sys.path[:0] = map(str, PACKAGES.values())
 
@@ -62,6 +62,7 @@ def read_page(app, page, source):
     file = {name.removesuffix('.md'): file for file, name in PAGES_OF_FILES.items()}.get(page)
     if file:
         source[0] = (ROOT / file).read_text(encoding='utf-8') + source[0]
+        app.env.note_dependency(str(ROOT / file))
     folder = ROOT if file else (DOCS / page).parent
 
     def replace(found):
