@@ -49,7 +49,9 @@ usual friction explains it: with larger gains the drive check rightly ends the c
 
 @pytest.fixture
 def bench(bench: FaultBench) -> Iterator[FaultBench]:
-    """Return the node while the arm moves with true velocities."""
+    """Return the node while the arm moves with true velocities; it cannot begin in a moment."""
+    bench.driver.be_quiet()
+    time.sleep(1.0)
     bench.driver.stream_changed(moving)
     wait_states(bench, 300)
     bench.wait_running()
