@@ -37,7 +37,7 @@ maintainer = manifest.find('maintainer')
 
 setup(
     name=package_name,
-    version='0.1.0',  # catkin_prepare_release changes it together with package.xml
+    version='0.1.0',  # see scripts/release
     packages=find_packages(include=[package_name, f'{package_name}.*']),
     package_data={package_name: ['py.typed']},
     data_files=[
@@ -65,7 +65,6 @@ setup(
     author=manifest.findtext('author'),
     maintainer=maintainer.text,
     maintainer_email=maintainer.get('email'),
-    url=manifest.findtext('url'),
     description=manifest.findtext('description'),
     license=manifest.findtext('license'),
     license_files=['LICENSE'],
