@@ -85,7 +85,7 @@ def _run(arguments: argparse.Namespace) -> int:
     arm, series = _read_recording(arguments) if recorded else (
         arm_from_urdf(options.read_robot(arguments.urdf), arguments.joints), None)
     PlanarView(arm)  # before the work, because it may reject the arm
-    output = arguments.output or Path('out', f'{arm.name}.gif')
+    output = arguments.output or options.default_output(arm.name, '.gif')
     command_line.prepare_file(output, arguments.force)
     if series is not None:
         motion = _recorded_motion(arm, series, arguments, duration, rate / speed)
