@@ -15,7 +15,6 @@ cannot be used.
 
 import argparse
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -95,8 +94,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     arm.link_frame(link, '--link')
     load = f', {arguments.payload:g} kg on {link}' if arguments.payload else ''
     arm = arm.with_payloads([make_payload(link, arguments.payload)])
-    output = arguments.output or options.default_output(
-        arm.name, f'_{arguments.what}.png')
+    output = arguments.output or options.default_output(arm.name, f'_{arguments.what}.png')
     command_line.prepare_file(output, arguments.force)
     with Progress(STEPS, 'steps') as progress:
         draw = _workspace if arguments.what == WORKSPACE else _map

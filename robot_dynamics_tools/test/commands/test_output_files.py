@@ -57,8 +57,8 @@ def test_a_file_that_cannot_be_written_is_named(name, tmp_path, capsys):
 @pytest.mark.parametrize('name', ['animate', 'torque_map'])
 def test_a_robot_does_not_choose_where_its_file_goes(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    evil = default_arm_urdf().replace('planar_arm', '../../evil <b>').replace('"joint1"', r'"$\x$"')
-    Path('evil.urdf').write_text(evil.replace(' <b>', ' &lt;b>'), encoding='utf-8')
+    evil = default_arm_urdf().replace('planar_arm', '../../evil &lt;b>')
+    Path('evil.urdf').write_text(evil.replace('"joint1"', r'"$\x$"'), encoding='utf-8')
     main, _, arguments = QUICK[name if name in QUICK else f'{name} -o']
     assert main([*arguments[:-2 if '-o' in arguments else None], '--urdf', 'evil.urdf']) == 0
     assert [path.name.partition('_gravity')[0] for path in Path('out').iterdir()] == [

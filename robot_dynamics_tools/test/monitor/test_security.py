@@ -94,8 +94,8 @@ def test_the_policy_allows_drives_no_other_nodes_and_one_controller():
 def test_the_page_lists_what_moves_the_arm():
     page = (ROOT / 'docs' / 'security.md').read_text(encoding='utf-8').partition('## Limits')[0]
     harmless = re.compile('.*/(get|describe|list|inverse|forward|manipulator|retime|task)_.*')
-    names = [name for kind in ('subscribe', 'reply', 'execute') for name in allowed('dynamics', kind)
-             if not harmless.match(name)]
+    names = [name for kind in ('subscribe', 'reply', 'execute')
+             for name in allowed('dynamics', kind) if not harmless.match(name)]
     assert len(names) == 15
     for name in names:
         name = name.replace('/dynamics/', '~/') if name != '/clock' else name
