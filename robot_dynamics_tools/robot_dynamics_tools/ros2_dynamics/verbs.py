@@ -114,7 +114,7 @@ VERBS: Mapping[str, Verb] = {
             ('--stop', _flag('End the estimation')), _TRANSITION)),
     'status': Verb('How the node is: lifecycle, command, payload, diagnostics', 'orders', (
         ('-v', '--verbose', _flag('Print the values of each check too')),)),
-    'move': Verb('Move the arm to a position, wait until it rests, and report the errors', 'move', (
+    'move': Verb('Move the arm to a position, wait for rest, and report the errors', 'move', (
         ('position', _word(
             'POSITION', f'Goal [rad] or [m]: {_ANY_ORDER}. Joints that are left out by name keep '
             'their measured position', nargs='+')),
@@ -127,7 +127,7 @@ VERBS: Mapping[str, Verb] = {
             '60 %% of the limits in the URDF, also for joints that are left out by name)')),
         _NO_WAIT)),
     'pose': Verb(
-        'Move a link to a pose, wait until the arm rests, and report the errors', 'move', (
+        'Move a link to a pose, wait for rest, and report the errors', 'move', (
             ('translation', number(
                 None, 'COORDINATE',
                 'X, Y and Z of the frame of the node (its parameter cartesian.frame) [m]',
@@ -204,8 +204,8 @@ def run(
     Answer a verb by a client for the node and the timeout asked for; return the exit status.
 
     0: answered; 1: answered with errors (`check`, `status`), or the motion of `move` was rejected,
-    ended early or left a joint away from its goal; 2: no node, or it refused; 130: `move` was interrupted. One line on stderr
-    explains an error.
+    ended early or left a joint away from its goal; 2: no node, or it refused; 130: interrupted.
+    One line on stderr explains an error.
     """
     def answer() -> int:
         module = import_module(f'robot_dynamics_tools.ros2_dynamics.{VERBS[name].module}')

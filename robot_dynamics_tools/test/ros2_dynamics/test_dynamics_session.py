@@ -226,7 +226,12 @@ def test_tables_are_appended_without_a_terminal_and_replaced_on_one(ask, monkeyp
     lines = ask('watch', '--rate', '20', '--count', '2', '--json')[1].splitlines()
     assert [json.loads(line)['joint_names'] for line in lines] == [['joint1', 'joint2']] * 2
     monkeypatch.setattr(sys.stdout, 'isatty', lambda: True)
-    assert ask('watch', '--rate', '20', '--count', '2')[1].count('\x1b[4F\x1b[J') == 1
+    for columns in (80, 40):
+        monkeypatch.setenv('COLUMNS', str(columns))
+        first, second = ask('watch', '--rate', '20', '--count', '2')[1].split('\x1b[J')
+        lines = first.splitlines()
+        assert lines.pop() == f'\x1b[{len(lines)}F'
+        assert max(map(len, [*lines, *second.splitlines()])) <= columns
 
 
 def test_watch_and_status_show_the_values_of_the_node(ask, ros):
