@@ -15,8 +15,8 @@ package_name = 'robot_dynamics'
 EXECUTABLES = {
     'dynamics_node': 'robot_dynamics.ros.entry_points:dynamics_node',
     'simulated_arm': 'robot_dynamics.ros.entry_points:simulated_arm',
-    'check_model': 'robot_dynamics.tools.check_model:main',
-    'planar_urdf': 'robot_dynamics.tools.planar_urdf:main',
+    'check_model': 'robot_dynamics.tools.command_line:execute',
+    'planar_urdf': 'robot_dynamics.tools.command_line:execute',
 }
 # colcon installs executables into lib/robot_dynamics, for `ros2 run`. A wheel (pip install) puts
 # them on the PATH, where their names must not be those of other programs.

@@ -91,8 +91,8 @@ def prepare_directory(
         raise InvalidInputError(
             f'output {str(existing)!r} exists and is not of the same command, expected another '
             '--output, or --force to replace it')
-    kept.mkdir(parents=True, exist_ok=True)
-    command.write_text(wanted, encoding='utf-8')
+    command_line.make_directory(kept)
+    command_line.write_file(command, wanted)
     return kept
 
 

@@ -96,8 +96,9 @@ def _run(arguments: argparse.Namespace) -> int:
     title = 'Double pendulum' if not recorded and arguments.urdf is None else motion.arm.name
     print(f'Drawing {len(motion.times)} instants of {arm.name} ...', flush=True)
     frames = chain_frames(motion, stops, speed, title)
-    with Progress(frame_count(motion, stops), 'frames') as progress, command_line.writing(output):
-        count = write_video(output, _counted(frames, progress))
+    with (Progress(frame_count(motion, stops), 'frames') as progress,
+            command_line.writing(output) as new):
+        count = write_video(new, _counted(frames, progress))
     print(f'{output.resolve()}: {count} frames, {output.stat().st_size / 1e6:.2f} MB')
     return command_line.DONE
 

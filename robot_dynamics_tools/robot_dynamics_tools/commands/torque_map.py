@@ -100,14 +100,13 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         draw = _workspace if arguments.what == WORKSPACE else _map
         figure, said, verdicts = draw(arguments, arm, load, progress.advance)
         progress.advance()
-        with command_line.writing(output):
-            if output.suffix.lower() == PAGE:
-                origin = command_line.origin_of('torque_map', argv, arguments.urdf, DEFAULT_ARM)
-                output.write_text(map_page(
-                    f'{arm.name}{load}: {arguments.what}', verdicts, figure, origin),
-                    encoding='utf-8')
-            else:
-                save_figure(figure, output)
+        if output.suffix.lower() == PAGE:
+            origin = command_line.origin_of('torque_map', argv, arguments.urdf, DEFAULT_ARM)
+            command_line.write_file(output, map_page(
+                f'{arm.name}{load}: {arguments.what}', verdicts, figure, origin))
+        else:
+            with command_line.writing(output) as new:
+                save_figure(figure, new)
         progress.advance()
     print(f'{output.resolve()}: {said}')
     return command_line.DONE

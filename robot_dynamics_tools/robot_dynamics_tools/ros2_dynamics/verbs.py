@@ -63,6 +63,7 @@ _TRANSITION = '--transition', number(
     0.0, 'SECONDS', 'Time over which a payload replaces the one on its link [s]')
 _NO_WAIT = '--no-wait', _flag(
     'Return as soon as the node follows the motion, and do not wait for its end')
+_FORCE = '--force', _flag('Replace an output that exists; without it, that is an error')
 _XYZ = 'X', 'Y', 'Z'
 
 VERBS: Mapping[str, Verb] = {
@@ -152,6 +153,7 @@ VERBS: Mapping[str, Verb] = {
             ('-o', '--output', _word(
                 'FILE', 'File for the result. Without it, only the summary is printed',
                 type=Path)),
+            _FORCE,
             ('--method', _word(
                 'METHOD', 'fastest, the fastest timing of the path, or slow_down, a uniform '
                 'slow-down (default: %(default)s)', default='fastest')),
@@ -179,6 +181,7 @@ VERBS: Mapping[str, Verb] = {
         ('-o', '--output', _word(
             'DIR', 'New directory for the recording (rosbag2, MCAP; default: recording-<time>)',
             type=Path)),
+        _FORCE,
         ('--duration', number(
             None, 'S', 'Duration of the recording [s]. Without it, Ctrl-C ends the recording')))),
 }

@@ -65,6 +65,19 @@ def test_a_robot_does_not_choose_where_its_file_goes(name, tmp_path, monkeypatch
         {'animate': '.._.._evil__b_.gif', 'torque_map': '.._.._evil__b_'}[name]]
 
 
+@pytest.mark.parametrize('error', [OSError(28, 'No space left on device'), KeyboardInterrupt()])
+def test_no_half_written_file_is_left(tmp_path, monkeypatch, capsys, error):
+    def write(path: Path, content: bytes) -> None:
+        path.write_text('half')
+        raise error
+
+    monkeypatch.setattr(Path, 'write_bytes', write)
+    assert planar_urdf.main(['-o', str(tmp_path / 'x')]) == (
+        1 if isinstance(error, OSError) else 130)
+    assert capsys.readouterr().err.count('\n') == 1
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_device_is_no_file(capfd):
     assert planar_urdf.main(['-o', '/dev/stdout']) == 0
     assert capfd.readouterr().out == default_arm_urdf()
