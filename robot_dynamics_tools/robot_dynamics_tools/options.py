@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import json
 import math
 from pathlib import Path
+import re
 import sys
 import textwrap
 from typing import Any, TYPE_CHECKING
@@ -28,6 +29,8 @@ COMMAND = 'command.json'
 """File in KEPT with the arguments of the run that made the output."""
 LONGEST_LIST = 20
 """Number of printed lines of a list; the others are only counted."""
+LONGEST_NAME = 80
+"""Characters of the name of a robot in the name of a file."""
 _WIDTH = 110
 _WITHOUT_EFFECT = ('dask', 'force', 'jobs')
 """Arguments that do not change the results."""
@@ -88,8 +91,8 @@ def prepare_directory(
         raise InvalidInputError(
             f'output {str(existing)!r} exists and is not of the same command, expected another '
             '--output, or --force to replace it')
-    kept.mkdir(parents=True, exist_ok=True)
-    command.write_text(wanted, encoding='utf-8')
+    command_line.make_directory(kept)
+    command_line.write_file(command, wanted)
     return kept
 
 
@@ -155,6 +158,11 @@ def add_output(
     """Add --output, a file or a directory, and --force."""
     parser.add_argument('-o', '--output', type=Path, metavar=metavar, default=default, help=text)
     command_line.add_force(parser)
+
+
+def default_output(name: str, ending: str) -> Path:
+    """Return the file in out/ of a robot with this name, which may have any characters."""
+    return Path('out', re.sub(r'[^\w.-]', '_', name)[:LONGEST_NAME] + ending)
 
 
 def add_parameters(parser: argparse.ArgumentParser, used: str) -> None:

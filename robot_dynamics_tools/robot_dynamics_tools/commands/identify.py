@@ -96,8 +96,9 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
                 f'{[bag.name for bag in bags]}')
         identification.arm((), recording)  # report a mistake before the recordings are read
     samples = [f'test_samples_{bag.stem}.csv' for bag in bags if arguments.samples]
-    directory = options.prepare_directory(
-        arguments.output, [arguments.output / name for name in (*FILES, *samples)], arguments)
+    for name in (*FILES, *samples):
+        command_line.prepare_file(arguments.output / name, arguments.force)
+    directory = options.prepare_directory(arguments.output, [], arguments)
     kept = directory if len(bags) > 1 else None
     with Progress(3 * len(bags) + 2, 'steps') as progress:
         found = bag_identification.identify_bags(

@@ -169,18 +169,17 @@ def _replay(
 def _written(urdf: str, directory: Path) -> str:
     """Return a URDF, and write it into `directory`."""
     from robot_dynamics_tools.demo.session import DESCRIPTION
-    (directory / DESCRIPTION).write_text(urdf, encoding='utf-8')
+    command_line.write_file(directory / DESCRIPTION, urdf)
     return urdf
 
 
 def _make_directory(wanted: Path | None) -> Path:
     """Return a new or empty directory: the requested one, or a new one in it or in out/."""
     if wanted is not None:
-        wanted.mkdir(parents=True, exist_ok=True)
+        command_line.make_directory(wanted)
         if not any(wanted.iterdir()):
             return wanted
     parent = wanted or Path('out')
-    parent.mkdir(exist_ok=True)
     directory = parent / f'demo-{datetime.now():%Y%m%d-%H%M%S-%f}'
-    directory.mkdir()
+    command_line.make_directory(directory)
     return directory

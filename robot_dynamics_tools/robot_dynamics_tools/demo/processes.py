@@ -15,7 +15,7 @@ import sys
 import time
 from typing import Any
 
-from robot_dynamics.tools.command_line import ToolError
+from robot_dynamics.tools.command_line import ToolError, write_file
 
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
@@ -141,9 +141,8 @@ class NodeProcess:
 
 def _written(file: Path, parameters: Mapping[str, object]) -> Path:
     # JSON is YAML in which no name or number can be read as another type.
-    file.write_text(
-        json.dumps({'/**': {'ros__parameters': dict(parameters)}}, indent=2) + '\n',
-        encoding='utf-8')
+    write_file(
+        file, json.dumps({'/**': {'ros__parameters': dict(parameters)}}, indent=2) + '\n')
     return file
 
 
