@@ -114,6 +114,7 @@ def fit_model(
 
 def identify(
     arm: ArmModel, motions: Sequence[FilteredMotion], train_fraction: float = TRAIN_FRACTION,
+    effort_is_current: bool | None = False,
 ) -> Identification:
     """
     Return the identification of an arm from motions of its joints, in its order.
@@ -125,7 +126,8 @@ def identify(
     recorded = [steps.prepared_motion(arm, motion, train_fraction) for motion in motions]
     return identify_recordings(Recordings(
         lambda _: arm, lambda step: [steps.reduce_recording(each, step) for each in recorded],
-        lambda step: [steps.evaluate_recording(each, step) for each in recorded]), False)
+        lambda step: [steps.evaluate_recording(each, step) for each in recorded]),
+        effort_is_current)
 
 
 def identify_recordings(
