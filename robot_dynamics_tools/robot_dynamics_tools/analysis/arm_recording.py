@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.effort_convention import MOTOR_SIDE
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
@@ -22,6 +23,10 @@ from robot_dynamics_tools.reporting.text_table import percent
 
 IMPLAUSIBLE = {'position': 2.0, 'velocity': 10.0, 'effort': 10.0}
 """Multiple of a limit beyond which a sample is noise."""
+SIGN_STEP = 0.3
+"""Smallest step of an effort that may be that of a sign bit, relative to its range."""
+SIGN_LEFT = 0.1
+"""Largest part of such a step that is left without the bit."""
 MOST_IMPLAUSIBLE = 0.1
 """Largest share of implausible samples of a joint that counts as noise."""
 _CAUSES = {
@@ -99,6 +104,7 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
     series, wild = _plausible(series, arm, settings.effort_is_current or (
         settings.parameters.get('measured_effort') in MOTOR_SIDE))
     _check_degrees(series)
+    _check_sign_bits(series)
     received, series = len(series.stamps_ns), series.driven()
     held = received - len(series.stamps_ns)
     locked = [name for name in whole.joint_names if name not in joints]
@@ -176,3 +182,27 @@ def _check_degrees(series: JointSeries) -> None:
             'position in degrees: its derivative is 57.3 times the velocity at '
             + ', '.join(np.array(series.joint_names)[is_wrong & ~is_wrong_as_degrees])
             + '. Expected radians')
+
+
+def _check_sign_bits(series: JointSeries) -> None:
+    """Raise RecordingError if the effort is a magnitude with a bit for its sign."""
+    efforts = [] if series.effort is None or len(series.effort) < 2 else series.effort.T
+    found = {name: bit for name, e in zip(series.joint_names, efforts) if (bit := _sign_bit(e))}
+    if found:
+        raise RecordingError(
+            'the effort has a sign bit: it is never negative, and steps where it changes its sign, '
+            + ', '.join(f'from 0 to {bit:.4g} at {name}' for name, bit in found.items())
+            + '. Expected a negative effort instead')
+
+
+def _sign_bit(effort: FloatArray) -> float:
+    """Return the value of the bit in an effort (m,), 0 without one."""
+    is_step = np.abs(np.diff(effort)) > SIGN_STEP * np.ptp(effort)
+    if effort.min() < 0.0 or is_step.sum() < 2:
+        return 0.0
+    bit = float(np.maximum(effort[1:], effort[:-1])[is_step].min())
+    below = effort[effort < bit]
+    left = float(np.median(np.abs(np.diff(np.where(effort < bit, effort, bit - effort)))[is_step]))
+    # a square wave has steps too, but not with a motion between them that ends at 0
+    is_signed = left < SIGN_LEFT * bit and np.quantile(below, 0.9) > left / SIGN_LEFT * 0.5
+    return bit if is_signed else 0.0
