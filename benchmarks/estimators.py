@@ -173,6 +173,12 @@ def negative(seed: int) -> Figures:
     return units(seed, 2)
 
 
+def swapped(series: JointSeries, order: FloatArray) -> JointSeries:
+    """Return the recording with its joints in another order, under the same names."""
+    return replace(series, **{
+        name: getattr(series, name)[:, order] for name in ('position', 'velocity', 'effort')})
+
+
 def contradictions(seed: int) -> Figures:
     """Name the likely cause of a contradiction between a recording and the URDF."""
     case = Case(seed)
@@ -193,7 +199,8 @@ def contradictions(seed: int) -> Figures:
         'gravity twice': (case.series(q, change=lambda e: e + rest), 'twice'),
         'tilt': (case.series(q, arm=case.true.with_gravity((-3.35, 0.0, -9.22))), 'tilt'),
         'other URDF': (case.series(q, arm=other), 'another arm'),
-        'swapped': (case.series(q, change=lambda e: e[:, swap]), 'swapped'),
+        'swapped efforts': (case.series(q, change=lambda e: e[:, swap]), 'swapped'),
+        'swapped joints': (swapped(case.series(q), swap), 'swapped'),
         'mA': (case.series(q, change=lambda e: 60.0 * e), 'mA')}
     counts: Figures = {}
     for name, (series, word) in recorded.items():

@@ -33,8 +33,6 @@ ILL_CONDITIONED = 100.0
 """Condition number above which base parameters are uncertain (a usual bound of excitation)."""
 LOST = 1.2
 """Ratio of the residuals of the consistent set and of the base parameters that is a warning."""
-SEEMS_OFF = 2.0
-"""A drive gain that differs from 1 by more than this factor suggests a unit other than N·m."""
 _MOST_NAMES = 12
 LEAST_NOISE = 1e-4
 """Noise of the effort, by its RMS, below which it was removed before the effort was recorded."""
@@ -145,7 +143,9 @@ def gain_rows(identification: Identification, gains: GainEstimate) -> Rows:
             name, f'{gains.gain[j]:.4g}', f'{gains.deviation[j]:.2g}',
             f'{gains.noise[j]:.2g}',
             'not identifiable: 1 is used' if not gains.is_known[j] else
-            'confounded with the masses of the URDF' if gains.is_confounded[j] else ''))
+            '; '.join(text for text, is_so in (
+                ('the effort has the opposite sign', gains.is_reversed[j]),
+                ('confounded with the masses of the URDF', gains.is_confounded[j])) if is_so)))
     return rows
 
 
@@ -266,23 +266,15 @@ def _of_effort(identification: Identification) -> Iterator[str]:
                    'relative to friction or to the errors of the masses; their effort '
                    'stays in the unit of the recording')
         return
-    gains = identification.seeming_gains
-    off = gains.is_known & ((gains.gain > SEEMS_OFF) | (gains.gain < 1.0 / SEEMS_OFF))
-    # At a single joint, a wrong mass is more likely.
-    if off.sum() > max(1.0, 0.5 * gains.is_known.sum()):
-        listed = ', '.join(
-            f'{name} ({1.0 / gain:.3g} times)'
-            for name, gain, is_off in zip(names, gains.gain, off) if is_off)
-        yield (f'effort differs from the torque of the URDF at {listed}: if the effort is a '
-               'current or in another unit, use --effort current')
+    if identification.seeming_gains.is_off.any():
+        yield other_unit(names, identification.seeming_gains)
 
 
 def contradiction_lines(found: BagIdentification) -> list[str]:
     """Return the likely causes of contradictions, with the names of the recordings."""
-    return [*found.identification.contradictions, *(
-        f'{bag.name}: {cause}'
-        for bag, recording in zip(found.bags, found.identification.recordings)
-        for cause in recording.facts.contradictions)]
+    return [f'{bag.name}: {cause}'
+            for bag, recording in zip(found.bags, found.identification.recordings)
+            for cause in recording.facts.contradictions]
 
 
 def recording_lines(found: BagIdentification) -> list[str]:

@@ -88,7 +88,7 @@ def _read(
     motion = motion_filter.filter_motion_below(read.series, CUTOFF) if cutoff is None else (
         motion_filter.filter_motion(read.series, cutoff))
     motion, remark = with_joint_effort(motion, read.arm, settings.parameters)
-    motion, causes = corrected(read.arm, motion)
+    motion, causes = corrected(read.arm, motion, has_load=True)
     return read.arm, motion, tuple(filter(None, (*read.remarks, remark, *causes)))
 
 

@@ -204,8 +204,8 @@ def test_the_samples_of_the_test_part_are_exported(output):
 
 def test_effort_that_is_current(tmp_path, urdf, capsys):
     record(tmp_path / 'bag', gain=8.0, duration=12.0, off=0.0)
-    assert run(tmp_path, urdf) == DONE
-    assert 'in another unit, use --effort current' in ' '.join(capsys.readouterr().out.split())
+    assert run(tmp_path, urdf) == MISTAKE
+    assert 'in another unit, use --effort current' in ' '.join(capsys.readouterr().err.split())
     assert run(tmp_path, urdf, '--effort', 'current', '--force') == DONE
     values = read_parameter_file(tmp_path / 'out' / 'identified.yaml')
     assert values['measured_effort'] == 'motor_current'
