@@ -226,7 +226,7 @@ def coverage(seed: int, rate: float = 100.0, quantum: float = 2.0 * np.pi / 4096
 
 
 def noisy(seed: int) -> Figures:
-    """The same at 1 kHz with noise of the velocity."""
+    """Share of base parameters at 1 kHz with noise of the velocity."""
     return coverage(seed, 1000.0, 0.0)
 
 

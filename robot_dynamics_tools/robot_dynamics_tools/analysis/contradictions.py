@@ -81,7 +81,7 @@ _MOST_CAUSES = 8
 
 @dataclass(frozen=True)
 class _Hypothesis:
-    """Further columns, delay [s] and unit of the effort, joints of wrong sign, and swapped ones."""
+    """Further columns, delay [s] and unit of the effort, joints of wrong sign, swapped joints."""
 
     columns: tuple[int, ...] = ()
     delay: float = 0.0

@@ -48,7 +48,8 @@ def _run(arguments: argparse.Namespace) -> int:
     bags = find_recordings(arguments.bags)
     settings = options.read_settings(arguments)
     with Progress(len(bags), 'recordings') as progress:
-        found = estimate_from_bags(bags, arguments.link, settings, progress.advance, arguments.scale_deviation)
+        found = estimate_from_bags(
+            bags, arguments.link, settings, progress.advance, arguments.scale_deviation)
     if arguments.json:
         print(json.dumps({
             **summary.as_dictionary(found.estimate),

@@ -94,8 +94,8 @@ def other_unit(names: Sequence[str], gains: GainEstimate) -> str:
     """Return a sentence about the joints whose effort seems to be in another unit."""
     listed = ', '.join(f'{name} ({1.0 / gain:.3g} times)' for name, gain, is_off in zip(
         names, gains.gain, gains.is_off) if is_off)
-    return (f'the effort differs from the torque of the URDF at {listed}: if it is a current or in '
-            'another unit, use --effort current, which takes the masses of the URDF as reference')
+    return (f'the effort differs from the torque of the URDF at {listed}: if it is a current or '
+            'in another unit, use --effort current, with the masses of the URDF as reference')
 
 
 def drive_gains(information: QrInformation, prior: Prior) -> GainEstimate:

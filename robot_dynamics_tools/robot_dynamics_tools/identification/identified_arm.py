@@ -162,8 +162,8 @@ def parameter_values(
     Return the parameters of `dynamics_node`, by name, that belong to the identified URDF.
 
     `drive_gain` (n,) [N·m/A] or [N/A] is the joint effort per unit of recorded effort, if the
-    effort is a current; a negative one becomes a negative effort scale. `given` are the previous parameters; those that the identification does
-    not determine are kept.
+    effort is a current; a negative one becomes a negative effort scale. `given` are the previous
+    parameters; those that the identification does not determine are kept.
     """
     friction = fitted_friction(arm, fit)
 

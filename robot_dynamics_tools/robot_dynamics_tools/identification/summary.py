@@ -16,7 +16,11 @@ from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction
 from robot_dynamics.joints.parameter_field import ParameterField
 from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
-from robot_dynamics_tools.identification.drive_gains import GainEstimate, MASS_ERROR
+from robot_dynamics_tools.identification.drive_gains import (
+    GainEstimate,
+    MASS_ERROR,
+    other_unit,
+)
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
 from robot_dynamics_tools.identification.pipeline import Identification
