@@ -112,7 +112,8 @@ def add_recordings(
     """Add BAG…, --urdf, which are `required` (--urdf without a default), --topic and --map."""
     parser.add_argument(
         'bags', nargs='+' if required else '*', type=Path, metavar='BAG',
-        help='A rosbag2 directory, a .mcap or .db3 file, or a folder that contains any of these')
+        help='A rosbag2 directory, a .mcap or .db3 file, or a folder that contains any of these; '
+             'or a .csv file with a header, or a data set of LeRobot')
     add_robot(parser, '--urdf', urdf_default, 'FILE_OR_PACKAGE', required and urdf_default is None)
     parser.add_argument(
         '--topic', metavar='NAME_OR_TYPE',
@@ -122,6 +123,14 @@ def add_recordings(
         '--map', action='append', default=[], type=_pair, metavar='A=B', dest='joint_map',
         help='Two names of one joint, in the recording and in the URDF, in any order; may be '
              'repeated')
+    parser.add_argument(
+        '--columns', action='append', default=[], type=_pair, metavar='WHAT=HEADER',
+        help='Column of a .csv file: time=HEADER, or JOINT.position=HEADER, .velocity or .effort; '
+             'may be repeated (default: by the words in the headers)')
+    parser.add_argument(
+        '--unit', choices=('rad', 'deg', 'range'), default='',
+        help='Unit of the positions: radians, degrees, or −100 to 100 of the range in the URDF '
+             '(default: radians; degrees of a .csv file are detected)')
 
 
 def add_robot(
@@ -198,7 +207,8 @@ def read_settings(arguments: argparse.Namespace) -> 'AnalysisSettings':
             print(f'Warning: joint {name!r} is revolute and has no <limit>, it is used as '
                   'continuous, the type of a joint without limits', file=sys.stderr)
     return AnalysisSettings(
-        urdf, arguments.topic, tuple(arguments.joint_map), arguments.cutoff, parameters)
+        urdf, arguments.topic, tuple(arguments.joint_map), arguments.cutoff, parameters,
+        columns=tuple(arguments.columns), unit=arguments.unit)
 
 
 def read_parameters(path: Path | None) -> Mapping[str, Any]:

@@ -12,6 +12,7 @@ Source: M. Gautier, S. Briot, "Global identification of joint drive gains and dy
 robots", J. Dynamic Systems, Measurement, and Control 136(5), 2014.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,8 @@ MASS_ERROR = 0.2
 """Assumed relative error of the masses and inertias of the URDF."""
 LEAST_TOTAL_CERTAINTY = 2.0
 """Smallest ratio of K to its standard deviation with errors of the masses."""
+SEEMS_OFF = 2.0
+"""A drive gain that differs from 1 by more than this factor suggests a unit other than N·m."""
 CONFOUNDED = 2.0
 """Ratio of both deviations above which a gain is confounded with the masses of the URDF."""
 _ITERATIONS = 3
@@ -40,8 +43,9 @@ class GainEstimate(NamedTuple):
     """
     Gains K (n,) and their standard deviations (n,), in joint effort per unit of recorded effort.
 
-    `deviation` includes errors of the masses of the URDF, `noise` (n,) does not. `is_known` (n,)
-    is false for joints whose K is not identifiable from the recorded motion.
+    A gain is negative if the effort has the opposite sign. `deviation` includes errors of the
+    masses of the URDF, `noise` (n,) does not. `is_known` (n,) is false for joints whose K is not
+    identifiable from the recorded motion.
     """
 
     gain: FloatArray
@@ -67,10 +71,31 @@ class GainEstimate(NamedTuple):
         Wrong masses in the URDF at one or two joints, or a common factor of all masses, do not
         have this effect.
         """
-        sizes = np.log(self.gain[self.is_known])
+        sizes = np.log(np.abs(self.gain[self.is_known]))
         if len(sizes) < LEAST_JOINTS:
             return False
         return bool(np.median(np.abs(sizes - np.median(sizes))) > np.log(LARGEST_RATIO))
+
+    @property
+    def is_off(self) -> BoolArray:
+        """Marks the gains (n,) far from 1, if those of most joints are: another unit."""
+        size = np.abs(self.gain)
+        off = self.is_known & ((size > SEEMS_OFF) | (size < 1.0 / SEEMS_OFF))
+        # At one of several joints, a wrong mass is more likely.
+        return off & (off.sum() > 0.5 * self.is_known.sum())
+
+    @property
+    def is_reversed(self) -> BoolArray:
+        """Marks the gains (n,) below 0."""
+        return self.is_known & (self.gain < 0.0)
+
+
+def other_unit(names: Sequence[str], gains: GainEstimate) -> str:
+    """Return a sentence about the joints whose effort seems to be in another unit."""
+    listed = ', '.join(f'{name} ({1.0 / gain:.3g} times)' for name, gain, is_off in zip(
+        names, gains.gain, gains.is_off) if is_off)
+    return (f'the effort differs from the torque of the URDF at {listed}: if it is a current or '
+            'in another unit, use --effort current, with the masses of the URDF as reference')
 
 
 def drive_gains(information: QrInformation, prior: Prior) -> GainEstimate:
@@ -104,7 +129,8 @@ def drive_gains(information: QrInformation, prior: Prior) -> GainEstimate:
                 inverse, error = value, by_noise
         if inverse:
             gain[j], deviation[j] = 1.0 / inverse, error / inverse**2
-    known = (gain > LEAST_CERTAINTY * noise) & (gain > LEAST_TOTAL_CERTAINTY * deviation)
+    size = np.abs(gain)
+    known = (size > LEAST_CERTAINTY * noise) & (size > LEAST_TOTAL_CERTAINTY * deviation)
     return GainEstimate(gain, deviation, known, noise)
 
 

@@ -134,9 +134,10 @@ def test_drives_stay_in_the_parameters(found):
     assert values['effort.report_scale'] == [0.7, 1.3]
     assert values['effort.report_offset'] == [8.0, -4.0]
     # τ = G s (i − o): as joint effort, the offset of the current i is G o
-    values = parameter_values(arm, fit, [10.0, 5.0])
-    assert values['effort.report_scale'] == [0.7, 1.3]
+    values = parameter_values(arm, fit, [10.0, -5.0])
+    assert values['effort.report_scale'] == [0.7, -1.3]
     assert values['effort.report_offset'] == [80.0, -20.0]
+    assert values['actuator.torque_constant'] == [10.0, 5.0]
     assert values['effort.command_offset'] == [0.5, 0.5]
     assert not any(name.startswith('effort.') for name in parameter_values(ARM, fit))
 
