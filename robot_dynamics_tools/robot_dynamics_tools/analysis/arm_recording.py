@@ -13,6 +13,7 @@ from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.effort_convention import MOTOR_SIDE
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics_tools.analysis.position_drives import STIFFNESS, with_drive_effort
 from robot_dynamics_tools.analysis.velocity_check import contradicts_position
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.reader import Recording
@@ -40,7 +41,8 @@ class AnalysisSettings:
     type, None for the joint states in the recording. `joint_map` has pairs of names of the same
     joint, in the recording and in the URDF. `cutoff_hz` [Hz] is the cut-off frequency of the
     filter, None to choose it from the data. `parameters` are those of `dynamics_node`, by their
-    full names. With `effort_is_current`, the limits of the effort do not apply.
+    full names. With `effort_is_current`, the limits of the effort do not apply. `command_topic`
+    has the commanded positions of drives that report no effort (`position_drives`).
     """
 
     urdf: str = ''
@@ -49,6 +51,12 @@ class AnalysisSettings:
     cutoff_hz: float | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
     effort_is_current: bool = False
+    command_topic: str | None = None
+
+    @property
+    def seeks_stiffness(self) -> bool:
+        """Whether the effort is the distance to the command of drives of unknown stiffness."""
+        return self.command_topic is not None and not self.parameters.get(STIFFNESS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +101,16 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
                 f'{whole.name!r} has {list(whole.joint_names)}: give its own description with '
                 '--urdf, or the names with --map')
         series = states.series(joints)
+        arm = arm_from_parameters(urdf, settings.parameters, joints)
+        series = series.unwrapped(arm.is_continuous)
         remarks = [*recording.notes, *series.faults.words()]
-    arm = arm_from_parameters(urdf, settings.parameters, joints)
-    series = series.unwrapped(arm.is_continuous)
+        if settings.command_topic is not None:
+            series, delay = with_drive_effort(
+                series, arm, settings.parameters.get(STIFFNESS, ()), recording,
+                settings.command_topic)
+            factor = '' if settings.seeks_stiffness else f'{STIFFNESS} times '
+            remarks.append(f'effort: {factor}the distance to the command on '
+                           f'{settings.command_topic}, which acts after {1e3 * delay:.0f} ms')
     series, wild = _plausible(series, arm, settings.effort_is_current or (
         settings.parameters.get('measured_effort') in MOTOR_SIDE))
     _check_degrees(series)

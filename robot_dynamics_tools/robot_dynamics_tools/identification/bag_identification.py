@@ -107,12 +107,13 @@ class BagIdentification:
     An identification, and the files of its recordings.
 
     `bags` are the recordings of `identification.recordings`, `failed` are the other recordings
-    with their errors.
+    with their errors. With `seeks_stiffness`, the gains are the stiffness of position drives.
     """
 
     identification: Identification
     bags: tuple[Path, ...]
     failed: tuple[tuple[Path, str], ...]
+    seeks_stiffness: bool = False
 
 
 def identify_bags(
@@ -144,4 +145,5 @@ def identify_bags(
     identification = identify_recordings(
         Recordings(settings.arm, partial(results, reduce_task), partial(results, evaluate_task)),
         effort_is_current, on_stage, keeps_samples)
-    return BagIdentification(identification, tuple(left), tuple(failed.items()))
+    return BagIdentification(
+        identification, tuple(left), tuple(failed.items()), settings.analysis.seeks_stiffness)
