@@ -120,6 +120,12 @@ def add_recordings(
         help='Topic of the joint states, or the type sensor_msgs/msg/JointState if only one topic '
              'has it (default: /joint_states, or the only topic of this type)')
     parser.add_argument(
+        '--command-topic', metavar='NAME',
+        help='Topic of the commanded positions, for drives that report no effort: it is '
+             'drive.stiffness (--parameters) times the distance from the position to the command. '
+             '`identify` determines a stiffness that is not given, from the masses of the URDF '
+             'and of payloads')
+    parser.add_argument(
         '--map', action='append', default=[], type=_pair, metavar='A=B', dest='joint_map',
         help='Two names of one joint, in the recording and in the URDF, in any order; may be '
              'repeated')
@@ -208,7 +214,8 @@ def read_settings(arguments: argparse.Namespace) -> 'AnalysisSettings':
                   'continuous, the type of a joint without limits', file=sys.stderr)
     return AnalysisSettings(
         urdf, arguments.topic, tuple(arguments.joint_map), arguments.cutoff, parameters,
-        columns=tuple(arguments.columns), unit=arguments.unit)
+        columns=tuple(arguments.columns), unit=arguments.unit,
+        command_topic=arguments.command_topic)
 
 
 def read_parameters(path: Path | None) -> Mapping[str, Any]:

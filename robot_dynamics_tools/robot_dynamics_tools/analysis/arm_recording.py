@@ -13,6 +13,11 @@ from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.effort_convention import MOTOR_SIDE
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics_tools.analysis.position_drives import (
+    commands,
+    drive_effort,
+    STIFFNESS,
+)
 from robot_dynamics_tools.analysis.units import (
     check_degrees,
     check_sign_bits,
@@ -47,7 +52,8 @@ class AnalysisSettings:
     joint, in the recording and in the URDF. `cutoff_hz` [Hz] is the cut-off frequency of the
     filter, None to choose it from the data. `parameters` are those of `dynamics_node`, by their
     full names. With `effort_is_current`, the limits of the effort do not apply. `columns` are
-    those of `TableRecording`, `unit` is that of positions (`units.in_radians`).
+    those of `TableRecording`, `unit` is that of positions (`units.in_radians`). `command_topic`
+    has the commanded positions of drives that report no effort (`position_drives`).
     """
 
     urdf: str = ''
@@ -58,6 +64,12 @@ class AnalysisSettings:
     effort_is_current: bool = False
     columns: tuple[tuple[str, str], ...] = ()
     unit: str = ''
+    command_topic: str | None = None
+
+    @property
+    def seeks_stiffness(self) -> bool:
+        """Whether the effort is the distance to the command of drives of unknown stiffness."""
+        return self.command_topic is not None and not self.parameters.get(STIFFNESS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +113,8 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
                 f'recording {str(path)!r} has no {ROBOT_DESCRIPTION}, expected the URDF with '
                 '--urdf')
         whole = arm_from_urdf(urdf, settings.parameters.get('joints') or ())
-        states = states.renamed(_renamed(settings.joint_map, states.joint_names, whole))
+        names = _renamed(settings.joint_map, states.joint_names, whole)
+        states = states.renamed(names)
         joints = states.together(whole.joint_names)
         if not joints:
             raise InvalidInputError(
@@ -110,10 +123,19 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
                 '--urdf, or the names with --map')
         series = states.series(joints)
         remarks = [*recording.notes, *series.faults.words()]
-    arm = arm_from_parameters(urdf, settings.parameters, joints)
-    series, converted = in_radians(series, arm, settings.unit, is_table(path))
-    remarks += converted
-    series = series.unwrapped(arm.is_continuous)
+        arm = arm_from_parameters(urdf, settings.parameters, joints)
+        series, converted = in_radians(series, arm, settings.unit, is_table(path))
+        remarks += converted
+        series = series.unwrapped(arm.is_continuous)
+        if settings.command_topic is not None:
+            sent, _ = in_radians(
+                commands(recording, settings.command_topic, joints, names), arm, settings.unit,
+                is_table(path))
+            series, delay = drive_effort(
+                series, sent, arm, settings.parameters.get(STIFFNESS, ()))
+            factor = '' if settings.seeks_stiffness else f'{STIFFNESS} times '
+            remarks.append(f'effort: {factor}the distance to the command on '
+                           f'{settings.command_topic}, which acts after {1e3 * delay:.0f} ms')
     series, wild = _plausible(series, arm, settings.effort_is_current or (
         settings.parameters.get('measured_effort') in MOTOR_SIDE))
     check_degrees(series)

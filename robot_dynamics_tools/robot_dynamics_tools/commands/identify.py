@@ -83,8 +83,10 @@ def _payload(text: str) -> tuple[str, str, tuple[float, ...]]:
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     bags = find_recordings(arguments.bags)
-    settings = replace(
-        options.read_settings(arguments), effort_is_current=arguments.effort == 'current')
+    settings = options.read_settings(arguments)
+    is_current = True if settings.seeks_stiffness or arguments.effort == 'current' else (
+        None if arguments.effort == 'auto' else False)
+    settings = replace(settings, effort_is_current=bool(is_current))
     payloads = [
         (recording, make_payload(link, values[0], values[1:] or (0.0, 0.0, 0.0)))
         for recording, link, values in arguments.payload]
@@ -110,7 +112,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
             bags, identification, partial(
                 run_tasks, workers=arguments.jobs, cache=kept, dask=arguments.dask,
                 on_done=progress.advance),
-            None if arguments.effort == 'auto' else arguments.effort == 'current',
+            is_current,
             lambda stage: progress.advance() if stage in (STAGES[1], STAGES[3]) else None,
             arguments.samples, arguments.dry_run)
     if isinstance(found, Observability):

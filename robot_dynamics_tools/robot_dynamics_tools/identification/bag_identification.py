@@ -109,12 +109,13 @@ class BagIdentification:
     An identification, and the files of its recordings.
 
     `bags` are the recordings of `identification.recordings`, `failed` are the other recordings
-    with their errors.
+    with their errors. With `seeks_stiffness`, the gains are the stiffness of position drives.
     """
 
     identification: Identification
     bags: tuple[Path, ...]
     failed: tuple[tuple[Path, str], ...]
+    seeks_stiffness: bool = False
 
 
 def identify_bags(
@@ -149,4 +150,4 @@ def identify_bags(
     found = observability(recordings, effort_is_current) if dry_run else identify_recordings(
         recordings, effort_is_current, on_stage, keeps_samples)
     return found if isinstance(found, Observability) else BagIdentification(
-        found, tuple(left), tuple(failed.items()))
+        found, tuple(left), tuple(failed.items()), settings.analysis.seeks_stiffness)

@@ -156,14 +156,15 @@ def fitted_friction(arm: ArmModel, fit: Fit) -> JointFriction:
 
 def parameter_values(
     arm: ArmModel, fit: Fit, drive_gain: Sequence[float] | None = None,
-    given: Mapping[str, object] | None = None,
+    given: Mapping[str, object] | None = None, is_stiffness: bool = False,
 ) -> dict[str, Any]:
     """
     Return the parameters of `dynamics_node`, by name, that belong to the identified URDF.
 
     `drive_gain` (n,) [N·m/A] or [N/A] is the joint effort per unit of recorded effort, if the
-    effort is a current; a negative one becomes a negative effort scale. `given` are the previous
-    parameters; those that the identification does not determine are kept.
+    effort is a current; a negative one becomes a negative effort scale. With `is_stiffness` it is
+    that of position drives [N·m/rad] or [N/m]. `given` are the previous parameters; those that the
+    identification does not determine are kept.
     """
     friction = fitted_friction(arm, fit)
 
@@ -185,7 +186,9 @@ def parameter_values(
         values['actuator.reflected_inertia'] = rotors
     gain = np.ones(arm.joint_count) if drive_gain is None else np.asarray(drive_gain)
     sign, gain = np.sign(gain), np.abs(gain)
-    if drive_gain is not None:
+    if drive_gain is not None and is_stiffness:
+        values['drive.stiffness'] = rounded(gain.tolist())
+    elif drive_gain is not None:
         # N = 1: only N K_t was identified.
         values['actuator.gear_ratio'] = [1.0]
         values['actuator.torque_constant'] = rounded(gain.tolist())
@@ -201,7 +204,7 @@ def parameter_values(
             C = report.covariance * np.outer(slope, slope)
             values['effort.report_covariance'] = lower_triangle(C)
     if drive_gain is not None:
-        values['measured_effort'] = 'motor_current'
+        values['measured_effort'] = 'none' if is_stiffness else 'motor_current'
     return {**kept, **values}
 
 

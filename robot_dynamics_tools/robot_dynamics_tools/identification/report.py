@@ -44,7 +44,7 @@ def write_identification(
     identified = identified_arm.fitted_urdf(urdf, arm, fit)
     write_file(paths[0], identified)
     # the URDF itself, as a path would depend on the computer or on the working directory
-    values = {**identified_arm.parameter_values(arm, fit, gain, given),
+    values = {**identified_arm.parameter_values(arm, fit, gain, given, found.seeks_stiffness),
               'robot_description': identified, **uncertainty_values(found.identification)}
     notes = file_notes(found.identification, urdf)
     write_file(paths[1], identified_arm.parameter_file(

@@ -28,10 +28,12 @@ WORDS = {
     'time': ('time', 't', 'timestamp', 'stamp'),
     'position': ('position', 'positions', 'pos', 'q', 'angle'),
     'velocity': ('velocity', 'velocities', 'vel', 'qd', 'dq', 'qvel', 'speed'),
-    'effort': ('effort', 'efforts', 'torque', 'torques', 'tau', 'current', 'load')}
-"""Words of a header by quantity."""
-ARRAYS = {'position': ('state',), 'velocity': WORDS['velocity'], 'effort': WORDS['effort']}
-"""Names of the arrays `observation.…` of LeRobot by quantity."""
+    'effort': ('effort', 'efforts', 'torque', 'torques', 'tau', 'current', 'load'),
+    'command': ('command', 'cmd', 'action', 'goal', 'target')}
+"""Words of a header by quantity; a command is a position."""
+ARRAYS = {'position': ('observation.state',), 'command': ('action',), **{
+    name: tuple(f'observation.{word}' for word in WORDS[name]) for name in ('velocity', 'effort')}}
+"""Names of the arrays of LeRobot by quantity."""
 UNITS_OF_TIME = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
 PERIODS = 2e-4, 0.5
 """Plausible periods [s] of joint states."""
@@ -76,12 +78,18 @@ class TableRecording:
         """Return no URDF, which tables do not contain."""
 
     def joint_states(self, topic: str) -> RecordedJointStates:
-        """Return all rows; a joint without a quantity has NaN there."""
+        """
+        Return all rows; a joint without a quantity has NaN there.
+
+        The topics named by a word for commands have the commands as positions.
+        """
         table, joints = self._table, tuple(dict.fromkeys(name for _, name in self._table.values))
+        values = table.values if topic not in WORDS['command'] else {
+            ('position', name): column for (quantity, name), column in table.values.items()
+            if quantity == 'command'}
         nothing = np.full(len(table.times), np.nan)
-        arrays = {field: np.column_stack([table.values.get((field, name), nothing)
-                                          for name in joints])
-                  for field in FIELDS if any(found == field for found, _ in table.values)}
+        arrays = {field: np.column_stack([values.get((field, name), nothing) for name in joints])
+                  for field in FIELDS if any(found == field for found, _ in values)}
         stamps = np.round(NANOSECONDS_PER_SECOND * table.times).astype(np.int64)
         return RecordedJointStates(f'table {str(self.path)!r}', stamps, tuple(
             RecordedState(row, joints, stamp, {name: each[row] for name, each in arrays.items()})
@@ -103,7 +111,7 @@ def read_csv(path: Path, columns: tuple[tuple[str, str], ...] = ()) -> Table:
         meant[name] = quantity, joint
     time = next((name for name, (what, _) in meant.items() if what == 'time'), None)
     values = {(what, joint): names.index(name) for name, (what, joint) in meant.items()
-              if what in FIELDS and joint}
+              if what != 'time' and joint}
     if time is None or not any(what == 'position' for what, _ in values):
         raise RecordingError(
             f'{str(path)!r} has the columns {names}, expected a time and positions, with headers '
@@ -159,7 +167,7 @@ def read_dataset(path: Path) -> Table:
         info = json.loads((path / INFO).read_text(encoding='utf-8'))
         features, rate = info['features'], float(info['fps'])
         files = sorted(path.glob('data/chunk-*/*.parquet'))
-        arrays = {name: [] for name in features if name.startswith('observation.')}
+        arrays = {name: [] for words in ARRAYS.values() for name in words if name in features}
         episodes, frames = [], []
         for file in files:
             table = parquet.read_table(file)
@@ -175,7 +183,7 @@ def read_dataset(path: Path) -> Table:
             'features, and data/chunk-…/….parquet with episode_index and frame_index') from error
     values = {}
     for quantity, words in ARRAYS.items():
-        for name in (f'observation.{word}' for word in words):
+        for name in words:
             if arrays.get(name):
                 columns = np.concatenate(arrays[name]).T
                 values |= {(quantity, joint): column for joint, column in zip(
