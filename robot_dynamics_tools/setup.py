@@ -15,6 +15,7 @@ EXECUTABLES = {
     'analyze': 'commands.analyze:main',
     'animate': 'commands.animate:main',
     'calibrate_gravity': 'commands.calibrate_gravity:main',
+    'connect': 'commands.connect:main',
     'demo': 'demo.cli:main',
     'dynamics': '__main__:main',
     'dynamics_monitor': 'monitor.entry_points:dynamics_monitor',

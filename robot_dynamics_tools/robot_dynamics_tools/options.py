@@ -116,7 +116,7 @@ def add_recordings(
         help='Topic of the joint states, or the type sensor_msgs/msg/JointState if only one topic '
              'has it (default: /joint_states, or the only topic of this type)')
     parser.add_argument(
-        '--map', action='append', default=[], type=_pair, metavar='A=B', dest='joint_map',
+        '--map', action='append', default=[], type=pair, metavar='A=B', dest='joint_map',
         help='Two names of one joint, in the recording and in the URDF, in any order; may be '
              'repeated')
 
@@ -212,7 +212,8 @@ def read_robot(text: str | None, option: str = '--urdf') -> str:
     return read_description_file(text, option)
 
 
-def _pair(text: str) -> tuple[str, str]:
+def pair(text: str) -> tuple[str, str]:
+    """Return the two sides of A=B; the type of an option."""
     first, separator, second = text.partition('=')
     if not (first and separator and second):
         raise argparse.ArgumentTypeError(

@@ -96,9 +96,9 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
         remarks = [*recording.notes, *series.faults.words()]
     arm = arm_from_parameters(urdf, settings.parameters, joints)
     series = series.unwrapped(arm.is_continuous)
-    series, wild = _plausible(series, arm, settings.effort_is_current or (
+    series, wild = plausible(series, arm, settings.effort_is_current or (
         settings.parameters.get('measured_effort') in MOTOR_SIDE))
-    _check_degrees(series)
+    check_degrees(series)
     received, series = len(series.stamps_ns), series.driven()
     held = received - len(series.stamps_ns)
     locked = [name for name in whole.joint_names if name not in joints]
@@ -134,7 +134,7 @@ def _renamed(
     return names
 
 
-def _plausible(series: JointSeries, arm: ArmModel, is_motor_side: bool) -> tuple[JointSeries, int]:
+def plausible(series: JointSeries, arm: ArmModel, is_motor_side: bool) -> tuple[JointSeries, int]:
     """
     Return the samples within IMPLAUSIBLE times the limits, and the number of the others.
 
@@ -163,7 +163,7 @@ def _plausible(series: JointSeries, arm: ArmModel, is_motor_side: bool) -> tuple
     return (series, 0) if good.all() else (series.at(np.flatnonzero(good)), int((~good).sum()))
 
 
-def _check_degrees(series: JointSeries) -> None:
+def check_degrees(series: JointSeries) -> None:
     """Raise RecordingError if the velocity is the derivative of the position taken as degrees."""
     q, v = series.position, series.velocity
     if q is None or v is None or len(v) < 2:
