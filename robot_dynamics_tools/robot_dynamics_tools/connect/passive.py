@@ -10,7 +10,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics_tools.connect.checklist import BAD, Checklist, UNKNOWN
-from robot_dynamics_tools.connect.gravity import ABSENT, Explanation, explanations, is_scale
+from robot_dynamics_tools.connect.gravity import ABSENT, explanations, is_scale
 from robot_dynamics_tools.connect.result import Settings
 from robot_dynamics_tools.connect.states import StateLog
 from robot_dynamics_tools.gravity_calibration.holds import find_holds, Hold, per_joint
@@ -49,10 +49,14 @@ def watch_poses(
 
 def check_report(
     arm: ArmModel, holds: Sequence[Hold], may_tilt: bool, checks: Checklist,
-) -> tuple[Settings, Explanation]:
+) -> Settings:
     """Check the efforts at the holds against g(q); return the settings that they show."""
     q, effort = (np.array([getattr(hold, name) for hold in holds])
                  for name in ('position', 'effort'))
+    if not effort.any():
+        checks.add('report', UNKNOWN, '0 at all joints', 'effort is g(q)', 'brakes carry the arm: '
+                   'release them while its own controller holds it; or it is not measured')
+        return {}
     found = explanations(arm, q, effort, may_tilt)
     best, names = found[0], arm.joint_names
     said = list(dict.fromkeys(one.words(names) for one in found))
@@ -61,7 +65,7 @@ def check_report(
         is_right = any(not one.is_wrong.any() and not one.angle[0] for one in found)
         checks.add('report', UNKNOWN if is_right else BAD, f'{" or ".join(said)}, at {where}',
                    'effort is g(q)', 'hold more poses, or state the mount: --gravity X Y Z')
-        return {}, best
+        return {}
     settings: Settings = {}
     checks.add('mount', not best.angle[0], f'{best.words(()) if best.angle[0] else "upright"}, '
                f'at {where}', 'the base as in gravity', 'gravity is written to the file')
@@ -89,7 +93,7 @@ def check_report(
     if 'measured_effort' not in settings:
         settings['measured_effort'] = 'joint_torque', (
             f'measured at {where}: {", ".join(shown) or "no joint shows it"}')
-    return settings, best
+    return settings
 
 
 def _remedy(ratio: float) -> str:

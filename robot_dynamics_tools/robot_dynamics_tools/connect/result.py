@@ -3,7 +3,7 @@
 
 """The result of a connection: parameter file, completed description, and report page."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import datetime
 import json
 from pathlib import Path
@@ -19,13 +19,15 @@ from robot_dynamics_tools.reporting.interactive import add_figure
 
 Settings = dict[str, tuple[object, str]]
 """Values of parameters by their full names, each with a comment."""
+USUAL = 'joint_states:=/joint_states', 'effort_command:=/effort_command'
+"""Remappings that change nothing."""
 RULE = ('Rule: bad forbids the parameter file, check changes a parameter or needs a look, unknown '
         'is not shown by this robot in these poses.')
 
 
-def parameter_file(settings: Mapping[str, tuple[object, str]], remap: str, path: Path) -> str:
+def parameter_file(settings: Settings, remaps: Sequence[str], path: Path) -> str:
     """Return a parameter file of `dynamics_node` with a comment per value."""
-    options = f' {remap}' if remap else ''
+    options = ''.join(f' -r {remap}' for remap in remaps if remap not in USUAL)
     lines = [
         f'# By `ros2 dynamics connect`, {datetime.now():%Y-%m-%d %H:%M}.', '#',
         f'#   ros2 run robot_dynamics dynamics_node --ros-args --params-file {path.name}{options}',

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The order of a connection: found, passive, the files."""
+"""The order of a connection: found, passive, active, the files."""
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime
@@ -9,11 +9,13 @@ from pathlib import Path
 import sys
 from typing import NamedTuple
 
+import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics.tools import command_line
-from robot_dynamics_tools.connect.checklist import Checklist, UNKNOWN
+from robot_dynamics_tools.connect.checklist import BAD, Checklist
 from robot_dynamics_tools.connect.description import checked_arm, read_description
 from robot_dynamics_tools.connect.graph import (
     check_publishers,
@@ -23,6 +25,13 @@ from robot_dynamics_tools.connect.graph import (
     topic_of_states,
 )
 from robot_dynamics_tools.connect.passive import check_report, watch_poses
+from robot_dynamics_tools.connect.probe import (
+    confirm,
+    holding_node,
+    LARGEST_SHARE,
+    NODE,
+    Probes,
+)
 from robot_dynamics_tools.connect.result import parameter_file, report_page, Settings
 from robot_dynamics_tools.connect.states import (
     check_noise,
@@ -37,6 +46,8 @@ from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerEr
 
 LISTEN = 3.0
 """[s] in which rate, stamps and noise are measured."""
+REST = 2.0
+"""[s] of rest before the command."""
 
 
 class ConnectRequest(NamedTuple):
@@ -49,6 +60,7 @@ class ConnectRequest(NamedTuple):
     topic: str | None
     receiver: str | None
     joints: Sequence[str]
+    parameters: Mapping[str, object]
     limits: Mapping[str, Sequence[float]]
     gravity: Sequence[float] | None
     poses: int
@@ -67,6 +79,13 @@ class Connection(NamedTuple):
     arm: ArmModel
     receiver: Receiver | None
     settings: Settings
+    topic: str
+
+    @property
+    def remaps(self) -> list[str]:
+        """The remappings of `dynamics_node` in the root namespace to this robot."""
+        return [f'joint_states:={self.topic}', *(
+            [] if self.receiver is None else [self.receiver.remap])]
 
 
 def connect(request: ConnectRequest) -> int:
@@ -80,7 +99,7 @@ def connect(request: ConnectRequest) -> int:
     for path in files:
         command_line.prepare_file(path, request.force)
     checks = Checklist()
-    with interrupted_by_sigterm(), DynamicsClient('', request.timeout) as client:
+    with interrupted_by_sigterm(), DynamicsClient(NODE, request.timeout) as client:
         topic = topic_of_states(client, request.topic)
         log = StateLog(topic)
         with log.receiving(client):
@@ -91,17 +110,16 @@ def connect(request: ConnectRequest) -> int:
             if found is None or checks.bad:
                 return _not_written(request, checks)
             holds = _passive(client, log, found, request, checks)
+            if not (request.is_passive or checks.bad):
+                _active(client, log, found, request, checks)
     if request.report is not None:
         command_line.write_file(request.report, report_page(
             found.arm, checks, found.settings, holds, request.origin))
     if checks.bad:
         return _not_written(request, checks)
-    remap = '' if topic == '/joint_states' else f' -r joint_states:={topic}'
-    if found.receiver is not None and found.receiver.topic != '/effort_command':
-        remap += f' -r {found.receiver.remap}'
     command_line.write_file(files[1], found.urdf)
     command_line.write_file(
-        request.output, parameter_file(found.settings, remap.strip(), request.output))
+        request.output, parameter_file(found.settings, found.remaps, request.output))
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in files))
     return command_line.DONE
 
@@ -132,17 +150,18 @@ def _found(
     if request.gravity is not None:
         arm = arm.with_gravity(request.gravity)
     today = f'{datetime.now():%Y-%m-%d}'
-    settings: Settings = {
+    settings: Settings = {name: (value, 'given') for name, value in request.parameters.items()}
+    settings |= {
         'joints': (list(arm.joint_names), f'{log.topic}, {description.source}, {today}'),
         'robot_description_file': (str(request.output.with_suffix('.urdf').resolve()), (
             f'the description of {description.source}, with the limits of the checks')),
         'gravity': (arm.gravity.tolist(), 'given' if request.gravity else 'assumed: upright')}
     timeout = check_states(log, arm, checks)
-    if timeout > STATE_TIMEOUT:
+    if timeout > STATE_TIMEOUT and 'state_timeout' not in settings:
         settings['state_timeout'] = timeout, f'measured {today}: three longest gaps'
     check_units(log.series(arm), arm, checks)
     check_noise(log.series(arm), arm, checks)
-    return Connection(urdf, arm, receiver, settings)
+    return Connection(urdf, arm, receiver, settings, log.topic)
 
 
 def _passive(
@@ -159,9 +178,33 @@ def _passive(
         holds = watch_poses(client, log, arm, request.poses, request.duration)
     if holds:
         check_units(log.series(arm), arm, checks)
-        settings |= check_report(arm, holds, request.gravity is None, checks)[0]
-    checks.add('compensation', UNKNOWN, 'only shown by a torque command', 'nothing added',
-               'dynamics names it as the drive check `adds gravity`')
+        settings |= check_report(arm, holds, request.gravity is None, checks)
     settings['command'] = 'none', (
         'no command has been tried: docs/safety.md, "The first command"')
     return holds
+
+
+def _active(
+    client: DynamicsClient, log: StateLog, found: Connection, request: ConnectRequest,
+    checks: Checklist,
+) -> None:
+    """Hold the arm, and move each joint; add what it shows to the settings."""
+    arm, series = found.arm, log.series(found.arm)
+    series = series.at(np.flatnonzero(series.times > series.times[-1] - REST))
+    assert series.position is not None
+    share = float((np.abs(RigidBody(arm).gravity(series.position[-1])) / arm.limits.effort).max())
+    others = commanding(client, found.receiver)
+    for name, is_bad, value, expected in (
+            ('receiver', found.receiver is None, 'none', 'a receiver of efforts'),
+            ('other commands', others, f'of {", ".join(others)}', 'no other node commands'),
+            ('rest', not check_noise(series, arm, checks), 'the arm moves', 'an arm at rest'),
+            ('pose', share > LARGEST_SHARE, f'gravity takes {share:.0%} of an effort limit', (
+                f'less than {LARGEST_SHARE:.0%}'))):
+        if is_bad:
+            checks.add(f'{name} before the command', BAD, value, expected, 'then run it again')
+    if checks.bad:
+        return
+    confirm(request.is_confirmed)
+    text = parameter_file(found.settings, found.remaps, request.output)
+    with holding_node(text, found.urdf, found.remaps):
+        found.settings.update(Probes(client, arm, found.topic, checks).run())

@@ -4,8 +4,10 @@
 """`ros2 dynamics connect` with a simulated arm that its own controller moves."""
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 import os
 from pathlib import Path
+import re
 import sys
 from typing import Any
 
@@ -101,6 +103,27 @@ def test_no_motion_without_a_terminal_to_ask_on(monkeypatch, capsys, tmp_path):
         monkeypatch.setattr(sys, 'stdin', nothing)
         assert main(['--output', str(tmp_path / 'my.yaml')]) == 2
     assert capsys.readouterr().err.startswith('connect: standard input is no terminal, expected')
+
+
+def test_two_publishers_of_the_same_joints_are_named(capsys, tmp_path):
+    topic, urdf = '/twice/joint_states', tmp_path / 'arm.urdf'
+    urdf.write_text(URDF, encoding='utf-8')
+    with ExitStack() as stack:
+        for name in ('one', 'two'):
+            stack.enter_context(NodeProcess(
+                'joint_state_driver', {'rate': 50.0}, remaps={'joint_states': topic},
+                node_name=name, ready=re.compile('Streaming')))
+        assert run(tmp_path / 'my.yaml', '--topic', topic, '--urdf', urdf) == 1
+    assert capsys.readouterr().err.endswith(
+        'my.yaml is not written: joint states: /twice/joint_states of /one, /two\n')
+
+
+def test_an_arm_that_another_node_commands_is_not_commanded(capsys, tmp_path):
+    urdf = tmp_path / 'arm.urdf'
+    urdf.write_text(URDF, encoding='utf-8')
+    assert main(['--yes', '--output', str(tmp_path / 'my.yaml'), '--urdf', str(urdf), '--poses',
+                 '1', '--duration', '20', '--timeout', '60', '--gravity', '9.81', '0', '0']) == 1
+    assert 'before the command: of /controller (expected: no other node' in capsys.readouterr().out
 
 
 def test_a_description_without_limits_writes_no_file(capsys, tmp_path):

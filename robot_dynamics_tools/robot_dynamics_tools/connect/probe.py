@@ -1,0 +1,198 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The active part: a `dynamics` node with the new file holds the arm, and moves each joint a little.
+
+The node is started for this, in the namespace /connect: what is tried is then the file that is
+written, and not the parameters of a node that happens to run.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+import signal
+import subprocess
+import sys
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import RigidBody
+from robot_dynamics.tools.command_line import ToolError
+from robot_dynamics_tools.connect.checklist import BAD, Checklist, UNKNOWN
+from robot_dynamics_tools.connect.result import Settings
+from robot_dynamics_tools.gravity_calibration.holds import per_joint
+from robot_dynamics_tools.recordings.interrupts import uninterrupted
+from robot_dynamics_tools.reporting.progress import Progress
+from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
+from robot_dynamics_tools.ros2_dynamics.move import goal_publication, MotionWatch
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+NAMESPACE = '/connect'
+NODE = f'{NAMESPACE}/dynamics'
+STEP = 0.02, 0.005
+"""[rad], [m]: displacement of a probe."""
+MOVE_TIME, HOLD_TIME = 0.5, 2.0
+"""[s] of the motion of a probe, and of holding before the first one."""
+LIMIT_FRACTION = 0.5
+"""Of the effort limits, to which the command is clamped."""
+LARGEST_SHARE = 0.4
+"""Largest share of the effort limit that gravity may take at the pose of the probes."""
+AGREES, UNSEEN = 'agrees', 'not observable yet'
+"""Verdicts of the status `drive` that accuse no drive."""
+QUESTION = (
+    'A dynamics node now holds the arm with at most {share:.0%} of its effort limits, and moves '
+    'each joint by {step}.\nThen the command ends: brakes, or the controller of the robot, must '
+    'hold the arm. Keep the emergency stop\nat hand. Ctrl-C stops the arm. Type yes and press '
+    'Enter to begin: ')
+
+
+def confirm(is_confirmed: bool) -> None:
+    """Ask on the terminal; raise ToolError unless the user types yes."""
+    if is_confirmed:
+        return
+    print(QUESTION.format(share=LIMIT_FRACTION, step=f'{STEP[0]:g} rad or {STEP[1]:g} m'), end='',
+          flush=True)
+    if sys.stdin.readline().strip().lower() != 'yes':
+        raise ToolError('not confirmed; the arm has not moved')
+
+
+@contextmanager
+def holding_node(parameters: str, urdf: str, remaps: Sequence[str]) -> Iterator[None]:
+    """Run `dynamics_node` with the text of a parameter file and of a URDF."""
+    with TemporaryDirectory() as folder:
+        files = {'arm.yaml': parameters, 'arm.urdf': urdf}
+        for name, text in files.items():
+            Path(folder, name).write_text(text, encoding='utf-8')
+        values = {'robot_description_file': Path(folder, 'arm.urdf'), 'command': 'computed_torque',
+                  'effort_limit_fraction': LIMIT_FRACTION}
+        process = subprocess.Popen(
+            [sys.executable, '-m', 'robot_dynamics.ros.dynamics.node', '--ros-args',
+             '--params-file', f'{folder}/arm.yaml', '-r', f'__ns:={NAMESPACE}',
+             *(word for remap in remaps for word in ('-r', remap)),
+             *(word for name, value in values.items() for word in ('-p', f'{name}:={value}'))],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+        try:
+            yield
+        finally:
+            with uninterrupted():  # the arm stops before the command ends
+                process.send_signal(signal.SIGINT)
+                process.wait()
+
+
+class Probe(NamedTuple):
+    """Torque beyond g(q) in a motion up and down, and the largest displacement of a joint."""
+
+    friction: float
+    displacement: float
+
+
+class Probes:
+    """Holds and moves the arm of the node NODE, which runs; adds what it shows to the checks."""
+
+    def __init__(
+        self, client: DynamicsClient, arm: ArmModel, topic: str, checks: Checklist,
+    ) -> None:
+        """`topic` is that of the joint states; wait until the node has subscribed to it."""
+        client.wait(lambda: client.joint_state_topic() == topic)
+        self._client, self._arm, self._checks = client, arm, checks
+        self._watch = MotionWatch(client, arm.joint_names, arm.is_continuous.tolist())
+        self._body, self._beyond = RigidBody(arm), list[FloatArray]()
+        self._verdicts: dict[str, str] = {}
+        self._failure = ''
+        self._velocity: list[FloatArray] = []
+
+    def run(self) -> Settings:
+        """Hold and move the arm; return the settings that the drives need. Ctrl-C stops it."""
+        client, arm, watch = self._client, self._arm, self._watch
+        torque = client.resolve('~/computed_torque')
+        with watch.following(), client.subscribed(
+                (JointState, torque, self._on_torque, 100),
+                (DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)):
+            try:
+                watch.wait_ready()
+                client.wait(lambda: False, HOLD_TIME)
+                start = np.array(watch.measured())
+                with (goal_publication(client, arm.joint_names) as publish,
+                      Progress(arm.joint_count, 'joints') as progress):
+                    for j, name in enumerate(arm.joint_names):
+                        probe = self._probe(j, start, publish)
+                        self._checks.add(
+                            f'probe of {name}', True, f'moved by {probe.displacement:.4f}, '
+                            f'friction {probe.friction:.2g}', 'a motion as commanded')
+                        progress.update(j + 1)
+            except KeyboardInterrupt:
+                self._stop()
+                raise
+            except RobotDynamicsError as error:
+                self._failure = str(error)
+            client.wait(lambda: False, HOLD_TIME)
+        return self._settings()
+
+    def _stop(self) -> None:
+        with uninterrupted():
+            report = self._client.call(Trigger, 'stop', Trigger.Request()).message
+        print(f'Called ~/stop: {report}', file=sys.stderr, flush=True)
+
+    def _probe(self, j: int, start: FloatArray, publish: object) -> Probe:
+        """Move joint j away from its nearer limit, and back."""
+        arm, watch = self._arm, self._watch
+        limits, step = arm.limits, per_joint(STEP, arm.joint_kinds)
+        sign = 1.0 if limits.upper[j] - start[j] > start[j] - limits.lower[j] else -1.0
+        means, far = [], 0.0
+        for goal in (start + sign * step * (np.arange(len(start)) == j), start):
+            self._beyond.clear()
+            watch.wait_taken(goal.tolist(), lambda goal=goal: publish(goal.tolist(), MOVE_TIME))
+            watch.wait_end(goal.tolist(), lambda _: None)
+            means.append(float(np.mean([row[j] for row in self._beyond])))
+            far = max(far, abs(watch.measured()[j] - start[j]))
+        return Probe(0.5 * sign * (means[0] - means[1]), far)
+
+    def _on_torque(self, message: JointState) -> None:
+        """Take the torque beyond g(q) while the reference moves."""
+        watch = self._watch
+        if watch.reference is not None and len(watch.position) == self._arm.joint_count and any(
+                watch.reference[2]):
+            q = np.array(watch.measured())
+            self._beyond.append(np.array(message.effort) - self._body.gravity(q))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == f'{NODE}: drive':
+                self._verdicts |= {pair.key: pair.value for pair in status.values}
+
+    def _settings(self) -> Settings:
+        """Add the verdicts on the drives to the checks; return what they need."""
+        names, settings = self._arm.joint_names, dict[str, tuple[object, str]]()
+        command, report = np.ones((2, len(names)))
+        said = {name: self._verdicts.get(name, UNSEEN) for name in names}
+        for j, name in enumerate(names):
+            verdict, _, sentence = said[name].partition('; ')
+            grade = True if verdict == AGREES else UNKNOWN if verdict == UNSEEN else False
+            self._checks.add(f'drive of {name}', grade, verdict, AGREES, sentence)
+            if verdict == 'reversed':
+                command[j] = -1.0
+            elif verdict.startswith('command scale '):
+                command[j] = float(verdict.split()[-1])
+            elif verdict.startswith('report scale '):
+                report[j] = round(1.0 / float(verdict.split()[-1]), 3)
+            elif verdict == 'adds gravity':
+                settings['robot_compensates'] = ['gravity'], sentence
+        for key, scale in (('command', command), ('report', report)):
+            if (scale != 1.0).any():
+                settings[f'effort.{key}_scale'] = scale.tolist(), '; '.join(said.values())
+        is_right = all(text.startswith((AGREES, UNSEEN)) for text in said.values())
+        if self._failure:
+            self._checks.add('motion', BAD if is_right else False, self._failure,
+                             'a motion as commanded', 'see the drives')
+        settings['command'] = ('computed_torque', (
+            f'held the arm, and moved each joint by {STEP[0]:g} rad or {STEP[1]:g} m')) if (
+            is_right and not self._failure) else (
+            'none', 'run connect with the new values before the first command')
+        return settings
