@@ -68,13 +68,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     require_ros('connect')
-    from robot_dynamics_tools.connect.session import connect, ConnectRequest
-    limits = {name: [options.number_in(1e-6, 1e6)(value) for value in values]
-              for name, *values in arguments.limit}
-    return connect(ConnectRequest(
-        arguments.output, arguments.report, arguments.urdf, dict(arguments.xacro),
-        arguments.topic, arguments.receiver, arguments.joints,
-        options.read_parameters(arguments.parameters), limits, arguments.gravity,
-        arguments.poses, arguments.duration, arguments.passive, arguments.yes, arguments.force,
-        arguments.timeout,
-        command_line.origin_of('connect', argv, arguments.urdf, 'topic robot_description')))
+    from robot_dynamics_tools.connect.session import connect
+    return connect(arguments, command_line.origin_of(
+        'connect', argv, arguments.urdf, 'topic robot_description'))

@@ -133,20 +133,15 @@ def _completed(
                     exclusive_minimum=True)
             else:
                 missing.append(f'{what} of {name}')
+    if values:
+        urdf = with_limits(urdf, {name: {what: repr(value) for what, value in one.items()}
+                                  for name, one in values.items()})
+    limits = arm_from_urdf(urdf, names).limits
     checks.add('limits', BAD if missing else GOOD, (
         f'missing or 0: {", ".join(missing)}' if missing else 'velocity and effort ' + ', '.join(
-            f'{name} {v:g} {e:g}' for name, v, e in zip(names, *_pairs(arm, names, values)))),
+            f'{name} {v:g} {e:g}' for name, v, e in zip(names, limits.velocity, limits.effort))),
         'each above 0, from the data sheet', '--limit JOINT VELOCITY EFFORT for each')
-    return with_limits(urdf, {
-        name: {what: repr(value) for what, value in one.items()} for name, one in values.items()
-    }) if values else urdf
-
-
-def _pairs(
-    arm: ArmModel, names: Sequence[str], values: Mapping[str, Mapping[str, float]],
-) -> list[list[float]]:
-    return [[values.get(name, {}).get(what, float(limit)) for name, limit in zip(names, limits)]
-            for what, limits in zip(LIMITS, (arm.limits.velocity, arm.limits.effort))]
+    return urdf
 
 
 def _typed(what: str) -> str:

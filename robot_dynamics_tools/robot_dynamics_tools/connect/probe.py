@@ -8,14 +8,14 @@ The node is started for this, in the namespace /connect: what is tried is then t
 written, and not the parameters of a node that happens to run.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 import signal
 import subprocess
 import sys
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
@@ -34,6 +34,7 @@ from robot_dynamics_tools.ros2_dynamics.move import goal_publication, MotionWatc
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+Publish = Callable[[Sequence[float], float], None]
 NAMESPACE = '/connect'
 NODE = f'{NAMESPACE}/dynamics'
 STEP = 0.02, 0.005
@@ -86,13 +87,6 @@ def holding_node(parameters: str, urdf: str, remaps: Sequence[str]) -> Iterator[
                 process.wait()
 
 
-class Probe(NamedTuple):
-    """Torque beyond g(q) in a motion up and down, and the largest displacement of a joint."""
-
-    friction: float
-    displacement: float
-
-
 class Probes:
     """Holds and moves the arm of the node NODE, which runs; adds what it shows to the checks."""
 
@@ -106,7 +100,6 @@ class Probes:
         self._body, self._beyond = RigidBody(arm), list[FloatArray]()
         self._verdicts: dict[str, str] = {}
         self._failure = ''
-        self._velocity: list[FloatArray] = []
 
     def run(self) -> Settings:
         """Hold and move the arm; return the settings that the drives need. Ctrl-C stops it."""
@@ -122,10 +115,10 @@ class Probes:
                 with (goal_publication(client, arm.joint_names) as publish,
                       Progress(arm.joint_count, 'joints') as progress):
                     for j, name in enumerate(arm.joint_names):
-                        probe = self._probe(j, start, publish)
+                        friction, way = self._probe(j, start, publish)
                         self._checks.add(
-                            f'probe of {name}', True, f'moved by {probe.displacement:.4f}, '
-                            f'friction {probe.friction:.2g}', 'a motion as commanded')
+                            f'probe of {name}', True, f'moved by {way:.4f}, friction '
+                            f'{friction:.2g}', 'a motion as commanded')
                         progress.update(j + 1)
             except KeyboardInterrupt:
                 self._stop()
@@ -140,19 +133,20 @@ class Probes:
             report = self._client.call(Trigger, 'stop', Trigger.Request()).message
         print(f'Called ~/stop: {report}', file=sys.stderr, flush=True)
 
-    def _probe(self, j: int, start: FloatArray, publish: object) -> Probe:
-        """Move joint j away from its nearer limit, and back."""
+    def _probe(self, j: int, start: FloatArray, publish: Publish) -> tuple[float, float]:
+        """Move joint j away from its nearer limit, and back; return its friction and its way."""
         arm, watch = self._arm, self._watch
         limits, step = arm.limits, per_joint(STEP, arm.joint_kinds)
         sign = 1.0 if limits.upper[j] - start[j] > start[j] - limits.lower[j] else -1.0
         means, far = [], 0.0
-        for goal in (start + sign * step * (np.arange(len(start)) == j), start):
+        aside = start + sign * step * (np.arange(len(start)) == j)
+        for goal in (aside.tolist(), start.tolist()):
             self._beyond.clear()
-            watch.wait_taken(goal.tolist(), lambda goal=goal: publish(goal.tolist(), MOVE_TIME))
-            watch.wait_end(goal.tolist(), lambda _: None)
+            watch.wait_taken(goal, partial(publish, goal, MOVE_TIME))
+            watch.wait_end(goal, lambda _: None)
             means.append(float(np.mean([row[j] for row in self._beyond])))
             far = max(far, abs(watch.measured()[j] - start[j]))
-        return Probe(0.5 * sign * (means[0] - means[1]), far)
+        return 0.5 * sign * (means[0] - means[1]), far
 
     def _on_torque(self, message: JointState) -> None:
         """Take the torque beyond g(q) while the reference moves."""

@@ -3,11 +3,10 @@
 
 """The order of a connection: found, passive, active, the files."""
 
-from collections.abc import Mapping, Sequence
+from argparse import Namespace
 from datetime import datetime
 from pathlib import Path
 import sys
-from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
@@ -15,7 +14,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics.tools import command_line
-from robot_dynamics_tools.connect.checklist import BAD, Checklist
+from robot_dynamics_tools.connect.checklist import BAD, Checklist, UNKNOWN
 from robot_dynamics_tools.connect.description import checked_arm, read_description
 from robot_dynamics_tools.connect.graph import (
     check_publishers,
@@ -41,6 +40,7 @@ from robot_dynamics_tools.connect.states import (
     StateLog,
 )
 from robot_dynamics_tools.gravity_calibration.holds import Hold
+from robot_dynamics_tools.options import number_in, read_parameters
 from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 
@@ -50,161 +50,144 @@ REST = 2.0
 """[s] of rest before the command."""
 
 
-class ConnectRequest(NamedTuple):
-    """What the user asks for: the options of `connect`; `limits` are by joint."""
-
-    output: Path
-    report: Path | None
-    urdf: str | None
-    xacro: Mapping[str, str]
-    topic: str | None
-    receiver: str | None
-    joints: Sequence[str]
-    parameters: Mapping[str, object]
-    limits: Mapping[str, Sequence[float]]
-    gravity: Sequence[float] | None
-    poses: int
-    duration: float
-    is_passive: bool
-    is_confirmed: bool
-    force: bool
-    timeout: float
-    origin: Origin
-
-
-class Connection(NamedTuple):
-    """A robot that has been found."""
-
-    urdf: str
-    arm: ArmModel
-    receiver: Receiver | None
-    settings: Settings
-    topic: str
-
-    @property
-    def remaps(self) -> list[str]:
-        """The remappings of `dynamics_node` in the root namespace to this robot."""
-        return [f'joint_states:={self.topic}', *(
-            [] if self.receiver is None else [self.receiver.remap])]
-
-
-def connect(request: ConnectRequest) -> int:
+def connect(arguments: Namespace, origin: Origin) -> int:
     """Connect to a robot, write the files, return the exit status; raises RobotDynamicsError."""
-    may_ask = sys.stdin.isatty() and not request.is_confirmed
-    if not (request.is_passive or request.is_confirmed or may_ask):
+    may_ask = sys.stdin.isatty() and not arguments.yes
+    if not (arguments.passive or arguments.yes or may_ask):
         raise InvalidInputError(
             'standard input is no terminal, expected one for the confirmation, --yes, or '
             '--passive')
-    files = [request.output, request.output.with_suffix('.urdf'), *filter(None, [request.report])]
+    output: Path = arguments.output
+    urdf_file = output.with_suffix('.urdf')
+    files = [output, urdf_file, *filter(None, [arguments.report])]
     for path in files:
-        command_line.prepare_file(path, request.force)
-    checks = Checklist()
-    with interrupted_by_sigterm(), DynamicsClient(NODE, request.timeout) as client:
-        topic = topic_of_states(client, request.topic)
-        log = StateLog(topic)
-        with log.receiving(client):
-            if not client.wait(lambda: len(log)):
-                raise NoAnswerError(f'no message on {topic} in {request.timeout:g} s')
-            client.wait(lambda: False, LISTEN)
-            found = _found(client, log, request, may_ask, checks)
-            if found is None or checks.bad:
-                return _not_written(request, checks)
-            holds = _passive(client, log, found, request, checks)
-            if not (request.is_passive or checks.bad):
-                _active(client, log, found, request, checks)
-    if request.report is not None:
-        command_line.write_file(request.report, report_page(
-            found.arm, checks, found.settings, holds, request.origin))
-    if checks.bad:
-        return _not_written(request, checks)
-    command_line.write_file(files[1], found.urdf)
-    command_line.write_file(
-        request.output, parameter_file(found.settings, found.remaps, request.output))
+        command_line.prepare_file(path, arguments.force)
+    with interrupted_by_sigterm(), DynamicsClient(NODE, arguments.timeout) as client:
+        session = Session(client, arguments, may_ask)
+        session.run()
+    if arguments.report is not None and session.arm is not None:
+        command_line.write_file(arguments.report, report_page(
+            session.arm, session.checks, session.settings, session.holds, origin))
+    bad = session.checks.bad
+    if bad:
+        print(f'connect: {output} is not written: {bad[0].name}: {bad[0].value}', file=sys.stderr)
+        return command_line.FAILED
+    command_line.write_file(urdf_file, session.urdf)
+    command_line.write_file(output, session.file())
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in files))
     return command_line.DONE
 
 
-def _not_written(request: ConnectRequest, checks: Checklist) -> int:
-    print(f'connect: {request.output} is not written: {checks.bad[0].name}: '
-          f'{checks.bad[0].value}', file=sys.stderr)
-    return command_line.FAILED
+class Session:
+    """A robot that is being connected: what is found, and the settings that follow from it."""
 
+    def __init__(self, client: DynamicsClient, arguments: Namespace, may_ask: bool) -> None:
+        """`arguments` are the options of `connect`; with `may_ask`, missing limits are asked."""
+        self._client, self._arguments, self._may_ask = client, arguments, may_ask
+        self._given = read_parameters(arguments.parameters)
+        self._receiver: Receiver | None = None
+        self.checks = Checklist()
+        self.settings: Settings = {name: (value, 'given') for name, value in self._given.items()}
+        self.urdf = ''
+        self.arm: ArmModel | None = None
+        self.holds: list[Hold] = []
 
-def _found(
-    client: DynamicsClient, log: StateLog, request: ConnectRequest, may_ask: bool,
-    checks: Checklist,
-) -> Connection | None:
-    """Check what is found before the arm moves; None if no arm of the description is."""
-    namespace = log.topic.rpartition('/')[0]
-    check_publishers(client, log.topic, log.states.layouts, checks)
-    description = read_description(client, request.urdf, request.xacro, namespace)
-    receiver = find_receiver(client, request.receiver, namespace, checks)
-    commands = commanding(client, receiver)
-    checks.add('other commands', not commands, f'{", ".join(commands) or "none"}',
-               'no other node commands efforts', 'end it before this package commands the arm')
-    published = max(log.states.layouts, key=len)
-    joints = request.joints or (receiver.joints if receiver is not None else ())
-    urdf, arm = checked_arm(description, joints, published, request.limits, may_ask, checks)
-    if arm is None:
-        return None
-    if request.gravity is not None:
-        arm = arm.with_gravity(request.gravity)
-    today = f'{datetime.now():%Y-%m-%d}'
-    settings: Settings = {name: (value, 'given') for name, value in request.parameters.items()}
-    settings |= {
-        'joints': (list(arm.joint_names), f'{log.topic}, {description.source}, {today}'),
-        'robot_description_file': (str(request.output.with_suffix('.urdf').resolve()), (
-            f'the description of {description.source}, with the limits of the checks')),
-        'gravity': (arm.gravity.tolist(), 'given' if request.gravity else 'assumed: upright')}
-    timeout = check_states(log, arm, checks)
-    if timeout > STATE_TIMEOUT and 'state_timeout' not in settings:
-        settings['state_timeout'] = timeout, f'measured {today}: three longest gaps'
-    check_units(log.series(arm), arm, checks)
-    check_noise(log.series(arm), arm, checks)
-    return Connection(urdf, arm, receiver, settings, log.topic)
+    def run(self) -> None:
+        """Check the robot; end before the arm is moved if a check is bad."""
+        client, arguments = self._client, self._arguments
+        self._log = log = StateLog(topic_of_states(client, arguments.topic))
+        with log.receiving(client):
+            if not client.wait(lambda: len(log)):
+                raise NoAnswerError(f'no message on {log.topic} in {client.timeout:g} s')
+            client.wait(lambda: False, LISTEN)
+            self._find()
+            if self.arm is not None and not self.checks.bad:
+                self._watch(self.arm)
+            if self.arm is not None and not (arguments.passive or self.checks.bad):
+                self._move(self.arm)
 
+    @property
+    def _remaps(self) -> list[str]:
+        """The remappings of `dynamics_node` in the root namespace to this robot."""
+        return [f'joint_states:={self._log.topic}', *(
+            [] if self._receiver is None else [self._receiver.remap])]
 
-def _passive(
-    client: DynamicsClient, log: StateLog, found: Connection, request: ConnectRequest,
-    checks: Checklist,
-) -> list[Hold]:
-    """Watch the arm in a few poses; add what they show to the settings; return the holds."""
-    settings, arm = found.settings, found.arm
-    holds: list[Hold] = []
-    if log.series(arm).effort is None:
-        settings['measured_effort'] = 'none', 'no effort in the joint states'
-        checks.add('report', False, 'none', 'an effort per joint', 'dynamics does without it')
-    else:
-        holds = watch_poses(client, log, arm, request.poses, request.duration)
-    if holds:
+    def file(self) -> str:
+        """Return the text of the parameter file."""
+        return parameter_file(self.settings, self._remaps, self._arguments.output)
+
+    def _find(self) -> None:
+        """Check what is found before the arm moves."""
+        client, log, arguments, checks = self._client, self._log, self._arguments, self.checks
+        namespace, layouts = log.topic.rpartition('/')[0], log.states.layouts
+        check_publishers(client, log.topic, layouts, checks)
+        description = read_description(client, arguments.urdf, dict(arguments.xacro), namespace)
+        self._receiver = find_receiver(client, arguments.receiver, namespace, checks)
+        commands = commanding(client, self._receiver)
+        checks.add('other commands', not commands, ', '.join(commands) or 'none',
+                   'no other node commands efforts', 'end it before this package commands the arm')
+        joints = arguments.joints or self._given.get('joints') or (
+            self._receiver.joints if self._receiver is not None else ())
+        limits = {name: [number_in(1e-6, 1e6)(value) for value in values]
+                  for name, *values in arguments.limit}
+        self.urdf, arm = checked_arm(
+            description, joints, max(layouts, key=len), limits, self._may_ask, checks)
+        if arm is None:
+            return
+        gravity = arguments.gravity or self._given.get('gravity')
+        self.arm = arm = arm if gravity is None else arm.with_gravity(gravity)
+        today = f'{datetime.now():%Y-%m-%d}'
+        self.settings |= {
+            'joints': (list(arm.joint_names), f'{log.topic}, {description.source}, {today}'),
+            'robot_description_file': (str(arguments.output.with_suffix('.urdf').resolve()), (
+                f'the description of {description.source}, with the limits of the checks')),
+            'gravity': (arm.gravity.tolist(), 'given' if gravity else 'assumed: upright')}
+        self.settings.pop('robot_description', None)
+        timeout = check_states(log, arm, checks)
+        if timeout > STATE_TIMEOUT:
+            self.settings.setdefault('state_timeout', (
+                timeout, f'measured {today}: three longest gaps'))
         check_units(log.series(arm), arm, checks)
-        settings |= check_report(arm, holds, request.gravity is None, checks)
-    settings['command'] = 'none', (
-        'no command has been tried: docs/safety.md, "The first command"')
-    return holds
+        check_noise(log.series(arm), arm, checks)
 
+    def _watch(self, arm: ArmModel) -> None:
+        """Watch the arm in a few poses, and add what they show to the settings."""
+        log, arguments, settings = self._log, self._arguments, self.settings
+        settings['command'] = 'none', (
+            'no command has been tried: docs/safety.md, "The first command"')
+        kind = self._given.get('measured_effort', 'joint_torque')
+        if log.series(arm).effort is None:
+            settings['measured_effort'] = 'none', 'no effort in the joint states'
+            self.checks.add('report', False, 'none', 'an effort per joint', 'nothing')
+        elif kind != 'joint_torque':
+            self.checks.add('report', UNKNOWN, f'{kind}, given', 'joint_torque', (
+                'compare it with `calibrate_gravity`'))
+        else:
+            self.holds = watch_poses(self._client, log, arm, arguments.poses, arguments.duration)
+        if self.holds:
+            check_units(log.series(arm), arm, self.checks)
+            settings.pop('effort.report_scale', None)
+            may_tilt = settings['gravity'][1] != 'given'
+            settings |= check_report(arm, self.holds, may_tilt, self.checks)
+            self.arm = arm.with_gravity(settings['gravity'][0])
 
-def _active(
-    client: DynamicsClient, log: StateLog, found: Connection, request: ConnectRequest,
-    checks: Checklist,
-) -> None:
-    """Hold the arm, and move each joint; add what it shows to the settings."""
-    arm, series = found.arm, log.series(found.arm)
-    series = series.at(np.flatnonzero(series.times > series.times[-1] - REST))
-    assert series.position is not None
-    share = float((np.abs(RigidBody(arm).gravity(series.position[-1])) / arm.limits.effort).max())
-    others = commanding(client, found.receiver)
-    for name, is_bad, value, expected in (
-            ('receiver', found.receiver is None, 'none', 'a receiver of efforts'),
-            ('other commands', others, f'of {", ".join(others)}', 'no other node commands'),
-            ('rest', not check_noise(series, arm, checks), 'the arm moves', 'an arm at rest'),
-            ('pose', share > LARGEST_SHARE, f'gravity takes {share:.0%} of an effort limit', (
-                f'less than {LARGEST_SHARE:.0%}'))):
-        if is_bad:
-            checks.add(f'{name} before the command', BAD, value, expected, 'then run it again')
-    if checks.bad:
-        return
-    confirm(request.is_confirmed)
-    text = parameter_file(found.settings, found.remaps, request.output)
-    with holding_node(text, found.urdf, found.remaps):
-        found.settings.update(Probes(client, arm, found.topic, checks).run())
+    def _move(self, arm: ArmModel) -> None:
+        """Hold the arm, and move each joint; add what it shows to the settings."""
+        checks, series = self.checks, self._log.series(arm)
+        series = series.at(np.flatnonzero(series.times > series.times[-1] - REST))
+        assert series.position is not None
+        g = RigidBody(arm).gravity(series.position[-1])
+        share = float((np.abs(g) / arm.limits.effort).max())
+        others = commanding(self._client, self._receiver)
+        for name, is_bad, value, expected in (
+                ('receiver', self._receiver is None, 'none', 'a receiver of efforts'),
+                ('other commands', others, f'of {", ".join(others)}', 'no other node commands'),
+                ('rest', not check_noise(series, arm, checks), 'the arm moves', 'an arm at rest'),
+                ('pose', share > LARGEST_SHARE, f'gravity takes {share:.0%} of an effort limit', (
+                    f'less than {LARGEST_SHARE:.0%}'))):
+            if is_bad:
+                checks.add(f'{name} before the command', BAD, value, expected, 'then run it again')
+        if not checks.bad:
+            confirm(self._arguments.yes)
+            with holding_node(self.file(), self.urdf, self._remaps):
+                self.settings |= Probes(self._client, arm, self._log.topic, checks).run()
