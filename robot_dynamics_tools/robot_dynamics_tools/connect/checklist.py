@@ -38,7 +38,7 @@ class Checklist(list[Check]):
         self, name: str, grade: Grade | bool, value: str, expected: str, remedy: str = '',
     ) -> None:
         """Add a check; a grade True is GOOD, False CHECK. GOOD has no remedy."""
-        if isinstance(grade, bool):
+        if not isinstance(grade, Grade):
             grade = GOOD if grade else CHECK
         self.append(Check(name, grade, value, expected, '' if grade is GOOD else remedy))
         print(self[-1].line, flush=True)

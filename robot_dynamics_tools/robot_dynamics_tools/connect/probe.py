@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+import re
 import signal
 import subprocess
 import sys
@@ -29,7 +30,7 @@ from robot_dynamics_tools.connect.result import Settings
 from robot_dynamics_tools.gravity_calibration.holds import per_joint
 from robot_dynamics_tools.recordings.interrupts import uninterrupted
 from robot_dynamics_tools.reporting.progress import Progress
-from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
+from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.move import goal_publication, MotionWatch
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -45,6 +46,8 @@ LIMIT_FRACTION = 0.5
 """Of the effort limits, to which the command is clamped."""
 LARGEST_SHARE = 0.4
 """Largest share of the effort limit that gravity may take at the pose of the probes."""
+LEAST_SHARE, NEAR = 0.05, 0.15
+"""Gravity by the effort limit from which a probe shows the command; and its largest error."""
 AGREES, UNSEEN = 'agrees', 'not observable yet'
 """Verdicts of the status `drive` that accuse no drive."""
 QUESTION = (
@@ -67,7 +70,7 @@ def confirm(is_confirmed: bool) -> None:
 @contextmanager
 def holding_node(parameters: str, urdf: str, remaps: Sequence[str]) -> Iterator[None]:
     """Run `dynamics_node` with the text of a parameter file and of a URDF."""
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as folder, Path(folder, 'log').open('w', encoding='utf-8') as log:
         files = {'arm.yaml': parameters, 'arm.urdf': urdf}
         for name, text in files.items():
             Path(folder, name).write_text(text, encoding='utf-8')
@@ -78,9 +81,12 @@ def holding_node(parameters: str, urdf: str, remaps: Sequence[str]) -> Iterator[
              '--params-file', f'{folder}/arm.yaml', '-r', f'__ns:={NAMESPACE}',
              *(word for remap in remaps for word in ('-r', remap)),
              *(word for name, value in values.items() for word in ('-p', f'{name}:={value}'))],
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+            stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
         try:
             yield
+        except NoAnswerError as error:
+            last = Path(folder, 'log').read_text(encoding='utf-8').splitlines()[-1:]
+            raise ToolError(f'{error}; its log ends: {"".join(last)}') from None
         finally:
             with uninterrupted():  # the arm stops before the command ends
                 process.send_signal(signal.SIGINT)
@@ -97,12 +103,17 @@ class Probes:
         client.wait(lambda: client.joint_state_topic() == topic)
         self._client, self._arm, self._checks = client, arm, checks
         self._watch = MotionWatch(client, arm.joint_names, arm.is_continuous.tolist())
-        self._body, self._beyond = RigidBody(arm), list[FloatArray]()
+        self._body, self._torque = RigidBody(arm), list[FloatArray]()
+        self._share: dict[int, float] = {}
         self._verdicts: dict[str, str] = {}
         self._failure = ''
 
-    def run(self) -> Settings:
-        """Hold and move the arm; return the settings that the drives need. Ctrl-C stops it."""
+    def run(self, used: Settings) -> Settings:
+        """
+        Hold and move the arm; return the settings that the drives need. Ctrl-C stops it.
+
+        `used` are the settings of the node.
+        """
         client, arm, watch = self._client, self._arm, self._watch
         torque = client.resolve('~/computed_torque')
         with watch.following(), client.subscribed(
@@ -115,10 +126,13 @@ class Probes:
                 with (goal_publication(client, arm.joint_names) as publish,
                       Progress(arm.joint_count, 'joints') as progress):
                     for j, name in enumerate(arm.joint_names):
-                        friction, way = self._probe(j, start, publish)
+                        way, friction = self._probe(j, start, publish)
+                        share = self._share.get(j)
                         self._checks.add(
-                            f'probe of {name}', True, f'moved by {way:.4f}, friction '
-                            f'{friction:.2g}', 'a motion as commanded')
+                            f'probe of {name}', share is None or abs(share - 1.0) < NEAR, (
+                                f'moved by {way:.4f}, friction {friction:.2g}' + (
+                                    '' if share is None else f', held by {share:.2f} g(q)')),
+                            'held by 1.00 g(q)', 'see the drive, and the masses of the model')
                         progress.update(j + 1)
             except KeyboardInterrupt:
                 self._stop()
@@ -126,7 +140,7 @@ class Probes:
             except RobotDynamicsError as error:
                 self._failure = str(error)
             client.wait(lambda: False, HOLD_TIME)
-        return self._settings()
+        return self._settings(used)
 
     def _stop(self) -> None:
         with uninterrupted():
@@ -134,53 +148,68 @@ class Probes:
         print(f'Called ~/stop: {report}', file=sys.stderr, flush=True)
 
     def _probe(self, j: int, start: FloatArray, publish: Publish) -> tuple[float, float]:
-        """Move joint j away from its nearer limit, and back; return its friction and its way."""
+        """
+        Move joint j away from its nearer limit, and back; return its way and its friction.
+
+        The mean of both directions has no friction: the share of g(q) that it is, is kept.
+        """
         arm, watch = self._arm, self._watch
         limits, step = arm.limits, per_joint(STEP, arm.joint_kinds)
         sign = 1.0 if limits.upper[j] - start[j] > start[j] - limits.lower[j] else -1.0
-        means, far = [], 0.0
+        means: list[float] = []
+        gravity: list[float] = []
+        far = 0.0
         aside = start + sign * step * (np.arange(len(start)) == j)
         for goal in (aside.tolist(), start.tolist()):
-            self._beyond.clear()
+            self._torque.clear()
             watch.wait_taken(goal, partial(publish, goal, MOVE_TIME))
             watch.wait_end(goal, lambda _: None)
-            means.append(float(np.mean([row[j] for row in self._beyond])))
+            torque, g = np.mean(self._torque, axis=0)[:, j]
+            means.append(float(torque - g))
+            gravity.append(float(g))
             far = max(far, abs(watch.measured()[j] - start[j]))
-        return 0.5 * sign * (means[0] - means[1]), far
+        if abs(sum(gravity)) > 2.0 * LEAST_SHARE * limits.effort[j]:
+            self._share[j] = 1.0 + sum(means) / sum(gravity)
+        return far, max(0.5 * sign * (means[0] - means[1]), 0.0)
 
     def _on_torque(self, message: JointState) -> None:
-        """Take the torque beyond g(q) while the reference moves."""
+        """Take the torque and g(q) while the reference moves."""
         watch = self._watch
         if watch.reference is not None and len(watch.position) == self._arm.joint_count and any(
                 watch.reference[2]):
             q = np.array(watch.measured())
-            self._beyond.append(np.array(message.effort) - self._body.gravity(q))
+            self._torque.append(np.array([message.effort, self._body.gravity(q)]))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             if status.name == f'{NODE}: drive':
                 self._verdicts |= {pair.key: pair.value for pair in status.values}
 
-    def _settings(self) -> Settings:
+    def _settings(self, used: Settings) -> Settings:
         """Add the verdicts on the drives to the checks; return what they need."""
         names, settings = self._arm.joint_names, dict[str, tuple[object, str]]()
-        command, report = np.ones((2, len(names)))
+        factors = {'command': np.ones(len(names)), 'report': np.ones(len(names))}
         said = {name: self._verdicts.get(name, UNSEEN) for name in names}
         for j, name in enumerate(names):
             verdict, _, sentence = said[name].partition('; ')
+            if abs(self._share.get(j, 0.0) - 1.0) < NEAR:  # the command is right
+                verdict = re.sub(r'^unclear: (report scale \S+) or .*', r'\1', verdict)
             grade = True if verdict == AGREES else UNKNOWN if verdict == UNSEEN else False
             self._checks.add(f'drive of {name}', grade, verdict, AGREES, sentence)
             if verdict == 'reversed':
-                command[j] = -1.0
+                factors['command'][j] = -1.0
             elif verdict.startswith('command scale '):
-                command[j] = float(verdict.split()[-1])
+                factors['command'][j] = float(verdict.split()[-1])
             elif verdict.startswith('report scale '):
-                report[j] = round(1.0 / float(verdict.split()[-1]), 3)
+                factors['report'][j] = 1.0 / float(verdict.split()[-1])
             elif verdict == 'adds gravity':
                 settings['robot_compensates'] = ['gravity'], sentence
-        for key, scale in (('command', command), ('report', report)):
-            if (scale != 1.0).any():
-                settings[f'effort.{key}_scale'] = scale.tolist(), '; '.join(said.values())
+        for direction, factor in factors.items():
+            key = f'effort.{direction}_scale'
+            if (factor != 1.0).any():
+                scale = np.array(used.get(key, (1.0, ''))[0]) * factor
+                settings[key] = scale.round(3).tolist(), '; '.join(
+                    f'{name}: {text}' for name, text in said.items())
         is_right = all(text.startswith((AGREES, UNSEEN)) for text in said.values())
         if self._failure:
             self._checks.add('motion', BAD if is_right else False, self._failure,

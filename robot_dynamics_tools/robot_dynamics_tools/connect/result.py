@@ -33,7 +33,8 @@ def parameter_file(settings: Settings, remaps: Sequence[str], path: Path) -> str
         f'#   ros2 run robot_dynamics dynamics_node --ros-args --params-file {path.name}{options}',
         '/**/dynamics:', '  ros__parameters:']
     groups: set[str] = set()
-    for name, (value, comment) in settings.items():
+    for name, (value, comment) in sorted(
+            settings.items(), key=lambda item: item[0].rpartition('.')[0]):
         group, dot, key = name.rpartition('.')
         if dot and group not in groups:
             groups.add(group)

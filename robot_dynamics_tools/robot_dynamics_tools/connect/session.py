@@ -36,6 +36,7 @@ from robot_dynamics_tools.connect.states import (
     check_noise,
     check_states,
     check_units,
+    moving,
     STATE_TIMEOUT,
     StateLog,
 )
@@ -165,11 +166,14 @@ class Session:
         else:
             self.holds = watch_poses(self._client, log, arm, arguments.poses, arguments.duration)
         if self.holds:
-            check_units(log.series(arm), arm, self.checks)
-            settings.pop('effort.report_scale', None)
+            if len(self.holds) > 1:
+                check_units(log.series(arm), arm, self.checks)
             may_tilt = settings['gravity'][1] != 'given'
-            settings |= check_report(arm, self.holds, may_tilt, self.checks)
-            self.arm = arm.with_gravity(settings['gravity'][0])
+            shown = check_report(arm, self.holds, may_tilt, self.checks)
+            if shown:
+                settings.pop('effort.report_scale', None)  # the given one
+            settings |= shown
+            self.arm = arm.with_gravity(np.array(settings['gravity'][0]))
 
     def _move(self, arm: ArmModel) -> None:
         """Hold the arm, and move each joint; add what it shows to the settings."""
@@ -178,11 +182,11 @@ class Session:
         assert series.position is not None
         g = RigidBody(arm).gravity(series.position[-1])
         share = float((np.abs(g) / arm.limits.effort).max())
-        others = commanding(self._client, self._receiver)
+        others, motion = commanding(self._client, self._receiver), moving(series, arm)
         for name, is_bad, value, expected in (
                 ('receiver', self._receiver is None, 'none', 'a receiver of efforts'),
                 ('other commands', others, f'of {", ".join(others)}', 'no other node commands'),
-                ('rest', not check_noise(series, arm, checks), 'the arm moves', 'an arm at rest'),
+                ('rest', motion, motion, 'an arm at rest'),
                 ('pose', share > LARGEST_SHARE, f'gravity takes {share:.0%} of an effort limit', (
                     f'less than {LARGEST_SHARE:.0%}'))):
             if is_bad:
@@ -190,4 +194,5 @@ class Session:
         if not checks.bad:
             confirm(self._arguments.yes)
             with holding_node(self.file(), self.urdf, self._remaps):
-                self.settings |= Probes(self._client, arm, self._log.topic, checks).run()
+                probes = Probes(self._client, arm, self._log.topic, checks)
+                self.settings |= probes.run(self.settings)

@@ -15,7 +15,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics_tools.analysis.arm_recording import check_degrees, plausible
 from robot_dynamics_tools.analysis.velocity_check import contradicts_position
-from robot_dynamics_tools.connect.checklist import BAD, Checklist, GOOD
+from robot_dynamics_tools.connect.checklist import BAD, Checklist, GOOD, UNKNOWN
 from robot_dynamics_tools.gravity_calibration.holds import BLOCK, per_joint, REST_SPEED
 from robot_dynamics_tools.recordings.joint_series import JointSeries, RecordedJointStates
 from robot_dynamics_tools.recordings.messages import FIELDS, RecordedState
@@ -120,18 +120,23 @@ def check_units(series: JointSeries, arm: ArmModel, checks: Checklist) -> None:
         'the derivative of the position', 'correct the driver, or publish no velocities')
 
 
-def check_noise(series: JointSeries, arm: ArmModel, checks: Checklist) -> bool:
-    """Check resolution and noise at rest; return whether the arm rests."""
-    q = series.position
-    assert q is not None
-    blocks = np.array_split(q, max(int(series.times[-1] / BLOCK), 2))
+def moving(series: JointSeries, arm: ArmModel) -> str:
+    """Return which joints move, and their speed."""
+    assert series.position is not None
+    blocks = np.array_split(series.position, max(int(series.times[-1] / BLOCK), 2))
     speed = np.abs(np.diff([block.mean(axis=0) for block in blocks], axis=0)).max(axis=0) / BLOCK
-    moves = speed > per_joint(REST_SPEED, arm.joint_kinds)
-    checks.add('rest', not moves.any(), ', '.join(
-        f'{name} moves at {v:.2g}' for name, v, one in zip(arm.joint_names, speed, moves)
-        if one) or 'the arm rests', 'an arm at rest', 'stop the robot')
-    if moves.any():
-        return False
+    limit = per_joint(REST_SPEED, arm.joint_kinds)
+    return ', '.join(f'{name} moves at {v:.2g}' for name, v, most in zip(
+        arm.joint_names, speed, limit) if v > most)
+
+
+def check_noise(series: JointSeries, arm: ArmModel, checks: Checklist) -> None:
+    """Check resolution and noise, if the arm rests."""
+    q, motion = series.position, moving(series, arm)
+    assert q is not None
+    if motion:
+        checks.add('noise', UNKNOWN, motion, 'an arm at rest', 'stop the robot')
+        return
     steps = [np.diff(np.unique(column)) for column in q.T]
     listed = [f'position step {min((s.min() for s in steps if len(s)), default=0.0):.1e}, '
               f'deviation {q.std(axis=0).max():.1e}']
@@ -139,4 +144,3 @@ def check_noise(series: JointSeries, arm: ArmModel, checks: Checklist) -> bool:
         if values is not None:
             listed.append(f'{name} deviation {values.std(axis=0).max():.1e}')
     checks.add('noise', GOOD, ', '.join(listed), 'small against the motion, SI units')
-    return True
