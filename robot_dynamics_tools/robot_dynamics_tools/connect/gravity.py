@@ -5,7 +5,7 @@
 The measured efforts of an arm at rest, compared with g(q): scale, sign, mount of the base.
 
 At a hold, the report e_j of joint j is k_j g_j(q; γ), with the ratio k_j and gravity γ in the base
-frame. Each hypothesis says which k_j differ from 1, and whether the base is tilted. They are
+frame. Each hypothesis states which k_j differ from 1, and whether the base is tilted. They are
 compared by the evidence of the holds, with noise of unknown size (a normal distribution whose
 variance has an inverse gamma prior), and the penalty of the Bayesian information criterion
 (G. Schwarz, The Annals of Statistics 6(2), 1978) for each free value.

@@ -29,7 +29,7 @@ INSTRUCTION = (
 def watch_poses(
     client: DynamicsClient, log: StateLog, arm: ArmModel, count: int, seconds: float,
 ) -> list[Hold]:
-    """Return the holds of an arm that somebody moves, until it has held `count` poses."""
+    """Return the holds while the operator moves the arm, until it has held `count` poses."""
     print(INSTRUCTION.format(count=count, seconds=seconds), flush=True)
     least, end = per_joint(DISTINCT, arm.joint_kinds), time.monotonic() + seconds
     holds: list[Hold] = []

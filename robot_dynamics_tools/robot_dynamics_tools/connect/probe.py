@@ -40,6 +40,8 @@ NAMESPACE = '/connect'
 NODE = f'{NAMESPACE}/dynamics'
 STEP = 0.02, 0.005
 """[rad], [m]: displacement of a probe."""
+START_TIME = 30.0
+"""[s] that the node may take to start."""
 MOVE_TIME, HOLD_TIME = 0.5, 2.0
 """[s] of the motion of a probe, and of holding before the first one."""
 LIMIT_FRACTION = 0.5
@@ -100,6 +102,7 @@ class Probes:
         self, client: DynamicsClient, arm: ArmModel, topic: str, checks: Checklist,
     ) -> None:
         """`topic` is that of the joint states; wait until the node has subscribed to it."""
+        client.wait(lambda: client.node.count_publishers(f'{NODE}/reference'), START_TIME)
         client.wait(lambda: client.joint_state_topic() == topic)
         self._client, self._arm, self._checks = client, arm, checks
         self._watch = MotionWatch(client, arm.joint_names, arm.is_continuous.tolist())

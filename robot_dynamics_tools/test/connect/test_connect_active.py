@@ -43,7 +43,7 @@ def arm(**parameters: Any) -> Iterator[None]:
 
 @pytest.fixture
 def options(tmp_path: Path) -> list[str]:
-    """Return options for a busy machine, and for an arm that nobody moves by hand."""
+    """Return options for a busy machine, and for an arm that stays in one pose."""
     urdf = tmp_path / 'default.urdf'
     urdf.write_text(default_arm_urdf(), encoding='utf-8')
     given = write_parameters(tmp_path / 'given.yaml', UNHURRIED)

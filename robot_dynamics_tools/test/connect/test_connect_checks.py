@@ -42,6 +42,16 @@ def test_a_missing_effort_limit_is_never_no_bound():
     assert arm_from_urdf(urdf).limits.effort.tolist() == [150.0, 40.0]
 
 
+def test_a_xacro_file_takes_arguments(tmp_path):
+    file = tmp_path / 'arm.xacro'
+    file.write_text(
+        '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="prefix" '
+        'default="a_"/><link name="$(arg prefix)base"/></robot>', encoding='utf-8')
+    pytest.importorskip('xacro')
+    assert '<link name="left_base"/>' in read_description_file(
+        str(file), '--urdf', {'prefix': 'left_'})
+
+
 def test_a_gripper_is_not_part_of_the_arm_unasked():
     fingers = ['panda_finger_joint1', 'panda_finger_joint2']
     (_, arm), checks = checked(PANDA, ARM_OF_PANDA, [*ARM_OF_PANDA, *fingers])
