@@ -3,6 +3,8 @@
 
 """The checks of description and joint states, without a robot."""
 
+import io
+import sys
 from typing import Any
 
 import numpy as np
@@ -22,9 +24,11 @@ UNLIMITED = default_arm_urdf().replace('effort="60"', 'effort="0"').replace(
     'effort="60.0"', 'effort="0"')
 
 
-def checked(urdf: str, joints: Any, published: Any, **limits: Any) -> tuple[Any, Checklist]:
+def checked(
+    urdf: str, joints: Any, published: Any, may_ask: bool = False, **limits: Any,
+) -> tuple[Any, Checklist]:
     checks = Checklist()
-    found = checked_arm(Description(urdf, 'a file'), joints, published, limits, False, checks)
+    found = checked_arm(Description(urdf, 'a file'), joints, published, limits, may_ask, checks)
     return found, checks
 
 
@@ -40,6 +44,15 @@ def test_a_missing_effort_limit_is_never_no_bound():
     (urdf, _), checks = checked(UNLIMITED, [], ['joint1', 'joint2'], joint2=[3.0, 40.0])
     assert not checks.bad
     assert arm_from_urdf(urdf).limits.effort.tolist() == [150.0, 40.0]
+
+
+@pytest.mark.parametrize(('typed', 'bad'), [('40\n', []), ('\n', ['limits']), ('', ['limits'])])
+def test_a_missing_limit_is_asked_for(monkeypatch, capsys, typed, bad):
+    monkeypatch.setattr(sys, 'stdin', io.StringIO(typed))
+    (urdf, _), checks = checked(UNLIMITED, [], ['joint1', 'joint2'], may_ask=True)
+    assert 'effort limit of joint2 [SI units, from the data sheet;' in capsys.readouterr().out
+    assert [check.name for check in checks.bad] == bad
+    assert arm_from_urdf(urdf).limits.effort[1] == (np.inf if bad else 40.0)
 
 
 def test_a_xacro_file_takes_arguments(tmp_path):
