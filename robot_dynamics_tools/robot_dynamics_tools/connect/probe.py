@@ -40,8 +40,8 @@ NAMESPACE = '/connect'
 NODE = f'{NAMESPACE}/dynamics'
 STEP = 0.02, 0.005
 """[rad], [m]: displacement of a probe."""
-START_TIME = 30.0
-"""[s] that the node may take to start."""
+START_TIME, END_TIME = 30.0, 10.0
+"""[s] that the node may take to start, and to end."""
 MOVE_TIME, HOLD_TIME = 0.5, 2.0
 """[s] of the motion of a probe, and of holding before the first one."""
 LIMIT_FRACTION = 0.5
@@ -92,7 +92,10 @@ def holding_node(parameters: str, urdf: str, remaps: Sequence[str]) -> Iterator[
         finally:
             with uninterrupted():  # the arm stops before the command ends
                 process.send_signal(signal.SIGINT)
-                process.wait()
+                try:
+                    process.wait(END_TIME)
+                except subprocess.TimeoutExpired:
+                    process.kill()
 
 
 class Probes:
