@@ -104,10 +104,8 @@ class Probes:
     def __init__(
         self, client: DynamicsClient, arm: ArmModel, topic: str, checks: Checklist,
     ) -> None:
-        """`topic` is that of the joint states; wait until the node has subscribed to it."""
-        client.wait(lambda: client.node.count_publishers(f'{NODE}/reference'), START_TIME)
-        client.wait(lambda: client.joint_state_topic() == topic)
-        self._client, self._arm, self._checks = client, arm, checks
+        """`topic` is that of the joint states."""
+        self._client, self._arm, self._topic, self._checks = client, arm, topic, checks
         self._watch = MotionWatch(client, arm.joint_names, arm.is_continuous.tolist())
         self._body, self._torque = RigidBody(arm), list[FloatArray]()
         self._share: dict[int, float] = {}
@@ -120,6 +118,21 @@ class Probes:
 
         `used` are the settings of the node.
         """
+        client = self._client
+        try:
+            client.wait(self._is_started, START_TIME)
+            client.wait(lambda: client.joint_state_topic() == self._topic)
+            self._move()
+        except KeyboardInterrupt:
+            self._stop()
+            raise
+        return self._settings(used)
+
+    def _is_started(self) -> bool:
+        return bool(self._client.node.count_publishers(f'{NODE}/reference'))
+
+    def _move(self) -> None:
+        """Hold the arm, and move each joint; keep why this ended early."""
         client, arm, watch = self._client, self._arm, self._watch
         torque = client.resolve('~/computed_torque')
         with watch.following(), client.subscribed(
@@ -131,26 +144,30 @@ class Probes:
                 start = np.array(watch.measured())
                 with (goal_publication(client, arm.joint_names) as publish,
                       Progress(arm.joint_count, 'joints') as progress):
-                    for j, name in enumerate(arm.joint_names):
-                        way, friction = self._probe(j, start, publish)
-                        share = self._share.get(j)
-                        self._checks.add(
-                            f'probe of {name}', share is None or abs(share - 1.0) < NEAR, (
-                                f'moved by {way:.4f}, friction {friction:.2g}' + (
-                                    '' if share is None else f', held by {share:.2f} g(q)')),
-                            'held by 1.00 g(q)', 'see the drive, and the masses of the model')
+                    for j in range(arm.joint_count):
+                        self._check_probe(j, *self._probe(j, start, publish))
                         progress.update(j + 1)
-            except KeyboardInterrupt:
-                self._stop()
-                raise
             except RobotDynamicsError as error:
                 self._failure = str(error)
             client.wait(lambda: False, HOLD_TIME)
-        return self._settings(used)
+
+    def _check_probe(self, j: int, way: float, friction: float) -> None:
+        share = self._share.get(j)
+        held = '' if share is None else f', held by {share:.2f} g(q)'
+        self._checks.add(
+            f'probe of {self._arm.joint_names[j]}', share is None or abs(share - 1.0) < NEAR,
+            f'moved by {way:.4f}, friction {friction:.2g}{held}', 'held by 1.00 g(q)',
+            'see the drive, and the masses of the model')
 
     def _stop(self) -> None:
+        """Call ~/stop, if the node runs."""
+        if not self._is_started():
+            return
         with uninterrupted():
-            report = self._client.call(Trigger, 'stop', Trigger.Request()).message
+            try:
+                report = self._client.call(Trigger, 'stop', Trigger.Request()).message
+            except RobotDynamicsError as error:
+                report = f'{error}; the node stops the arm before it ends'
         print(f'Called ~/stop: {report}', file=sys.stderr, flush=True)
 
     def _probe(self, j: int, start: FloatArray, publish: Publish) -> tuple[float, float]:
