@@ -7,11 +7,9 @@ from collections.abc import Sequence
 import time
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics_tools.connect.checklist import BAD, Checklist, UNKNOWN
+from robot_dynamics_tools.connect.checks import BAD, Checklist, Settings, UNKNOWN
 from robot_dynamics_tools.connect.gravity import ABSENT, explanations, is_scale
-from robot_dynamics_tools.connect.result import Settings
 from robot_dynamics_tools.connect.states import StateLog
 from robot_dynamics_tools.gravity_calibration.holds import find_holds, Hold, per_joint
 from robot_dynamics_tools.reporting.progress import Progress
@@ -32,18 +30,15 @@ def watch_poses(
     """Return the holds while the operator moves the arm, until it has held `count` poses."""
     print(INSTRUCTION.format(count=count, seconds=seconds), flush=True)
     least, end = per_joint(DISTINCT, arm.joint_kinds), time.monotonic() + seconds
-    holds: list[Hold] = []
+    holds, poses = list[Hold](), list[Hold]()
     with Progress(count, 'poses') as progress:
-        while time.monotonic() < end:
+        while len(poses) < count and time.monotonic() < end:
             client.wait(lambda: False, LOOK_PERIOD)
-            holds = find_holds(log.series(arm), arm.joint_kinds)
-            poses: list[FloatArray] = []
+            holds, poses = find_holds(log.series(arm), arm.joint_kinds), []
             for hold in holds:
-                if all((np.abs(hold.position - pose) > least).any() for pose in poses):
-                    poses.append(hold.position)
+                if all((np.abs(hold.position - one.position) > least).any() for one in poses):
+                    poses.append(hold)
             progress.update(len(poses))
-            if len(poses) >= count:
-                break
     return holds
 
 
@@ -58,41 +53,38 @@ def check_report(
                    'release them while its own controller holds it; or it is not measured')
         return {}
     found = explanations(arm, q, effort, may_tilt)
-    best, names = found[0], arm.joint_names
+    best, names, where = found[0], arm.joint_names, f'{len(holds)} holds'
     said = list(dict.fromkeys(one.words(names) for one in found))
-    where = f'{len(holds)} holds'
     if len(said) > 1:
         is_right = any(not one.is_wrong.any() and not one.angle[0] for one in found)
         checks.add('report', UNKNOWN if is_right else BAD, f'{" or ".join(said)}, at {where}',
                    'effort is g(q)', 'hold more poses, or state the mount: --gravity X Y Z')
         return {}
-    settings: Settings = {}
-    checks.add('mount', not best.angle[0], f'{best.words(()) if best.angle[0] else "upright"}, '
+    checks.add('mount', not best.angle[0], f'{best.words(()) if best.angle[0] else "as assumed"}, '
                f'at {where}', 'the base as in gravity', 'gravity is written to the file')
-    if best.angle[0]:
-        settings['gravity'] = best.gravity.round(3).tolist(), (
-            f'measured at {where}: tilt ± {np.degrees(2.0 * best.angle[1]):.1f}°')
-    scale, shown = np.ones(arm.joint_count), []
+    settings: Settings = {} if not best.angle[0] else {'gravity': (
+        best.gravity.round(3).tolist(),
+        f'measured at {where}: tilt ± {np.degrees(2.0 * best.angle[1]):.1f}°')}
+    scale, shown, strange = np.ones(arm.joint_count), list[str](), list[str]()
     for j, name in enumerate(names):
-        value, error = best.ratio[j], 2.0 * best.deviation[j]
+        value, error = float(best.ratio[j]), 2.0 * best.deviation[j]
         if not best.is_observable[j]:
             checks.add(f'report of {name}', UNKNOWN, 'bears too little gravity to tell',
                        '1.00 g(q)', 'poses in which it bears more')
             continue
         text, is_wrong = f'{value:.2f} ± {error:.2f} g(q)', bool(best.is_wrong[j])
-        checks.add(f'report of {name}', not is_wrong, text, '1.00 g(q)', _remedy(float(value)))
+        checks.add(f'report of {name}', not is_wrong, text, '1.00 g(q)', _remedy(value))
         shown.append(f'{name} {text}')
-        if is_wrong and is_scale(float(value)):
+        if is_wrong and is_scale(value):
             scale[j] = round(1.0 / value, 3)
         elif is_wrong:
-            settings['measured_effort'] = 'none', (
-                f'{name} reports {text}: no unit of torque, or without gravity')
+            strange.append(shown[-1])
     if (scale != 1.0).any():
         settings['effort.report_scale'] = scale.tolist(), (
-            f'measured at {where}, 1 where not wrong or not shown: {", ".join(shown)}')
-    if 'measured_effort' not in settings:
-        settings['measured_effort'] = 'joint_torque', (
-            f'measured at {where}: {", ".join(shown) or "no joint shows it"}')
+            f'measured at {where}, 1 if not wrong or not shown: {", ".join(shown)}')
+    settings['measured_effort'] = ('none', (
+        f'no unit of torque, or without gravity: {", ".join(strange)}')) if strange else (
+        'joint_torque', f'measured at {where}: {", ".join(shown) or "no joint shows it"}')
     return settings
 
 

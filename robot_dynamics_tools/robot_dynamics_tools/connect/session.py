@@ -5,7 +5,6 @@
 
 from argparse import Namespace
 from datetime import datetime
-from pathlib import Path
 import sys
 
 import numpy as np
@@ -14,34 +13,18 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics.tools import command_line
-from robot_dynamics_tools.connect.checklist import BAD, Checklist, UNKNOWN
-from robot_dynamics_tools.connect.description import checked_arm, read_description
-from robot_dynamics_tools.connect.graph import (
-    check_publishers,
-    commanding,
-    find_receiver,
-    Receiver,
-    topic_of_states,
-)
-from robot_dynamics_tools.connect.passive import check_report, watch_poses
-from robot_dynamics_tools.connect.probe import (
-    confirm,
-    holding_node,
-    LARGEST_SHARE,
-    NODE,
-    Probes,
-)
-from robot_dynamics_tools.connect.result import parameter_file, report_page, Settings
-from robot_dynamics_tools.connect.states import (
-    check_noise,
-    check_states,
-    check_units,
-    moving,
-    STATE_TIMEOUT,
-    StateLog,
+from robot_dynamics.urdf.description_file import read_description_file
+from robot_dynamics_tools.connect import description, passive, probe, robot, states
+from robot_dynamics_tools.connect.checks import (
+    BAD,
+    Checklist,
+    parameter_file,
+    report_page,
+    Settings,
+    UNKNOWN,
 )
 from robot_dynamics_tools.gravity_calibration.holds import Hold
-from robot_dynamics_tools.options import number_in, read_parameters
+from robot_dynamics_tools.options import read_parameters
 from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 
@@ -58,20 +41,18 @@ def connect(arguments: Namespace, origin: Origin) -> int:
         raise InvalidInputError(
             'standard input is no terminal, expected one for the confirmation, --yes, or '
             '--passive')
-    output: Path = arguments.output
-    urdf_file = output.with_suffix('.urdf')
+    output, urdf_file = arguments.output, arguments.output.with_suffix('.urdf')
     files = [output, urdf_file, *filter(None, [arguments.report])]
     for path in files:
         command_line.prepare_file(path, arguments.force)
-    with interrupted_by_sigterm(), DynamicsClient(NODE, arguments.timeout) as client:
+    with interrupted_by_sigterm(), DynamicsClient(probe.NODE, arguments.timeout) as client:
         session = Session(client, arguments, may_ask)
         session.run()
     if arguments.report is not None and session.arm is not None:
         command_line.write_file(arguments.report, report_page(
             session.arm, session.checks, session.settings, session.holds, origin))
-    bad = session.checks.bad
-    if bad:
-        print(f'connect: {output} is not written: {bad[0].name}: {bad[0].value}', file=sys.stderr)
+    for check in session.checks.bad[:1]:
+        print(f'connect: {output} is not written: {check.name}: {check.text}', file=sys.stderr)
         return command_line.FAILED
     command_line.write_file(urdf_file, session.urdf)
     command_line.write_file(output, session.file())
@@ -86,7 +67,9 @@ class Session:
         """`arguments` are the options of `connect`; with `may_ask`, missing limits are asked."""
         self._client, self._arguments, self._may_ask = client, arguments, may_ask
         self._given = read_parameters(arguments.parameters)
-        self._receiver: Receiver | None = None
+        self._description = None if arguments.urdf is None else (read_description_file(
+            arguments.urdf, '--urdf', dict(arguments.xacro)), arguments.urdf)
+        self._receiver: robot.Receiver | None = None
         self.checks = Checklist()
         self.settings: Settings = {name: (value, 'given') for name, value in self._given.items()}
         self.urdf = ''
@@ -96,7 +79,7 @@ class Session:
     def run(self) -> None:
         """Check the robot; end before the arm is moved if a check is bad."""
         client, arguments = self._client, self._arguments
-        self._log = log = StateLog(topic_of_states(client, arguments.topic))
+        self._log = log = states.StateLog(robot.topic_of_states(client, arguments.topic))
         with log.receiving(client):
             if not client.wait(lambda: len(log)):
                 raise NoAnswerError(f'no message on {log.topic} in {client.timeout:g} s')
@@ -115,47 +98,55 @@ class Session:
 
     def file(self) -> str:
         """Return the text of the parameter file."""
-        return parameter_file(self.settings, self._remaps, self._arguments.output)
+        return parameter_file(self.settings, self._remaps, self._arguments.output.name)
 
     def _find(self) -> None:
         """Check what is found before the arm moves."""
         client, log, arguments, checks = self._client, self._log, self._arguments, self.checks
         namespace, layouts = log.topic.rpartition('/')[0], log.states.layouts
-        check_publishers(client, log.topic, layouts, checks)
-        description = read_description(client, arguments.urdf, dict(arguments.xacro), namespace)
-        self._receiver = find_receiver(client, arguments.receiver, namespace, checks)
-        commands = commanding(client, self._receiver)
+        robot.check_publishers(client, log.topic, layouts, checks)
+        urdf, source = self._description or description.published_description(client, namespace)
+        self._receiver = robot.find_receiver(client, arguments.receiver, namespace, checks)
+        commands = robot.commanding(client, self._receiver)
         checks.add('other commands', not commands, ', '.join(commands) or 'none',
                    'no other node commands efforts', 'end it before this package commands the arm')
         joints = arguments.joints or self._given.get('joints') or (
             self._receiver.joints if self._receiver is not None else ())
-        limits = {name: [number_in(1e-6, 1e6)(value) for value in values]
-                  for name, *values in arguments.limit}
-        self.urdf, arm = checked_arm(
-            description, joints, max(layouts, key=len), limits, self._may_ask, checks)
+        self.urdf, arm = description.checked_arm(
+            urdf, source, joints, max(layouts, key=len),
+            {name: limits for name, *limits in arguments.limit}, self._may_ask, checks)
         if arm is None:
             return
-        gravity = arguments.gravity or self._given.get('gravity')
-        self.arm = arm = arm if gravity is None else arm.with_gravity(gravity)
-        today = f'{datetime.now():%Y-%m-%d}'
+        self._set_up(arm, source)
+        states.check_units(log.series(arm), arm, checks, log.other_lengths)
+        states.check_noise(log.series(arm), arm, checks)
+
+    def _set_up(self, arm: ArmModel, source: str) -> None:
+        """Check the joint states and the mount of an arm; begin its settings."""
+        log, today, file = self._log, f'{datetime.now():%Y-%m-%d}', self._arguments.output
+        gravity, of = self._arguments.gravity or self._given.get('gravity'), 'given'
+        if gravity is None:
+            found = robot.gravity_of_imu(self._client, arm, self.checks)
+            gravity, of = (arm.gravity, 'assumed: upright') if found is None else (
+                found[0], f'measured by {found[1]}, {today}')
+        self.arm = arm = arm.with_gravity(gravity)
+        timeout, measured = states.check_states(log, arm, self.checks)
         self.settings |= {
-            'joints': (list(arm.joint_names), f'{log.topic}, {description.source}, {today}'),
-            'robot_description_file': (str(arguments.output.with_suffix('.urdf').resolve()), (
-                f'the description of {description.source}, with the limits of the checks')),
-            'gravity': (arm.gravity.tolist(), 'given' if gravity else 'assumed: upright')}
+            'joints': (list(arm.joint_names), f'{log.topic}, {measured}, {source}, {today}'),
+            'robot_description_file': (str(file.with_suffix('.urdf').resolve()), (
+                f'the description of {source}, with the limits of the checks')),
+            'gravity': (arm.gravity.round(4).tolist(), of),
+            'command': ('none', 'no command has been tried: docs/safety.md, "The first command"')}
         self.settings.pop('robot_description', None)
-        timeout = check_states(log, arm, checks)
-        if timeout > STATE_TIMEOUT:
-            self.settings.setdefault('state_timeout', (
-                timeout, f'measured {today}: three longest gaps'))
-        check_units(log.series(arm), arm, checks)
-        check_noise(log.series(arm), arm, checks)
+        if self._receiver is not None and self._receiver.is_controller:
+            self.settings.setdefault('end_action', (
+                'ramp_to_zero', f'{self._receiver.nodes[0]} keeps the last command'))
+        if timeout > states.STATE_TIMEOUT:
+            self.settings.setdefault('state_timeout', (timeout, f'{measured}, {today}'))
 
     def _watch(self, arm: ArmModel) -> None:
         """Watch the arm in a few poses, and add what they show to the settings."""
         log, arguments, settings = self._log, self._arguments, self.settings
-        settings['command'] = 'none', (
-            'no command has been tried: docs/safety.md, "The first command"')
         kind = self._given.get('measured_effort', 'joint_torque')
         if log.series(arm).effort is None:
             settings['measured_effort'] = 'none', 'no effort in the joint states'
@@ -164,12 +155,13 @@ class Session:
             self.checks.add('report', UNKNOWN, f'{kind}, given', 'joint_torque', (
                 'compare it with `calibrate_gravity`'))
         else:
-            self.holds = watch_poses(self._client, log, arm, arguments.poses, arguments.duration)
+            self.holds = passive.watch_poses(
+                self._client, log, arm, arguments.poses, arguments.duration)
         if self.holds:
             if len(self.holds) > 1:
-                check_units(log.series(arm), arm, self.checks)
-            may_tilt = settings['gravity'][1] != 'given'
-            shown = check_report(arm, self.holds, may_tilt, self.checks)
+                states.check_units(log.series(arm), arm, self.checks, log.other_lengths)
+            shown = passive.check_report(
+                arm, self.holds, settings['gravity'][1].startswith('assumed'), self.checks)
             if shown:
                 settings.pop('effort.report_scale', None)  # the given one
             settings |= shown
@@ -182,17 +174,20 @@ class Session:
         assert series.position is not None
         g = RigidBody(arm).gravity(series.position[-1])
         share = float((np.abs(g) / arm.limits.effort).max())
-        others, motion = commanding(self._client, self._receiver), moving(series, arm)
+        others = robot.commanding(self._client, self._receiver)
+        motion = states.moving(series, arm)
         for name, is_bad, value, expected in (
                 ('receiver', self._receiver is None, 'none', 'a receiver of efforts'),
                 ('other commands', others, f'of {", ".join(others)}', 'no other node commands'),
                 ('rest', motion, motion, 'an arm at rest'),
-                ('pose', share > LARGEST_SHARE, f'gravity takes {share:.0%} of an effort limit', (
-                    f'less than {LARGEST_SHARE:.0%}'))):
+                ('pose', share > probe.LARGEST_SHARE,
+                 f'gravity takes {share:.0%} of an effort limit',
+                 f'less than {probe.LARGEST_SHARE:.0%}')):
             if is_bad:
                 checks.add(f'{name} before the command', BAD, value, expected, 'then run it again')
         if not checks.bad:
-            confirm(self._arguments.yes)
-            with holding_node(self.file(), self.urdf, self._remaps):
-                probes = Probes(self._client, arm, self._log.topic, checks)
+            if not self._arguments.yes:
+                probe.confirm()
+            with probe.holding_node(self.file(), self.urdf, self._remaps):
+                probes = probe.Probes(self._client, arm, self._log.topic, checks)
                 self.settings |= probes.run(self.settings)

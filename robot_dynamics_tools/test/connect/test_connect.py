@@ -86,7 +86,7 @@ def test_the_file_has_mount_and_scale_of_the_arm(client, moving, capsys, tmp_pat
 
 @pytest.mark.parametrize(('options', 'said'), [
     ([], 'no description on /robot_description, expected robot_state_publisher, or --urdf FILE'),
-    (['--topic', '/absent'], 'no joint states on /absent in 1 s; topics of this type: '),
+    (['--topic', '/absent'], 'no joint states on /absent in 1 s; published topics of this type: '),
     (['--output', __file__], 'exists, expected the name of a new file, or --force'),
     (['--urdf', 'absent.urdf'], "--urdf is 'absent.urdf', which cannot be read: there is no such"),
 ])
@@ -115,7 +115,7 @@ def test_two_publishers_of_the_same_joints_are_named(capsys, tmp_path):
                 node_name=name, ready=re.compile('Streaming')))
         assert run(tmp_path / 'my.yaml', '--topic', topic, '--urdf', urdf) == 1
     assert capsys.readouterr().err.endswith(
-        'my.yaml is not written: joint states: /twice/joint_states of /one, /two\n')
+        'joint states: /twice/joint_states of /one, /two (expected: one publisher per joint)\n')
 
 
 def test_an_arm_that_another_node_commands_is_not_commanded(capsys, tmp_path):
@@ -132,5 +132,5 @@ def test_a_description_without_limits_writes_no_file(capsys, tmp_path):
     assert run(tmp_path / 'my.yaml', '--urdf', urdf) == 1
     assert capsys.readouterr().err == (
         f'connect: {tmp_path / "my.yaml"} is not written: limits: missing or 0: effort of '
-        'joint2\n')
+        'joint2 (expected: each above 0, from the data sheet)\n')
     assert os.listdir(tmp_path) == ['arm.urdf']

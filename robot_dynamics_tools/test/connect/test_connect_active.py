@@ -85,5 +85,5 @@ def test_ctrl_c_stops_the_arm(options, tmp_path):
         process.send_signal(signal.SIGINT)
         status, _, err = finish(process)
     assert status == 130
-    assert 'Called ~/stop: ' in err
+    assert 'The arm has stopped, and the command has ended.' in err
     assert not (tmp_path / 'my.yaml').exists()

@@ -13,8 +13,8 @@ from robot_dynamics.model.arm import arm_from_urdf, load_arm
 from robot_dynamics.model_check.html_page import Grade
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.urdf.description_file import read_description_file
-from robot_dynamics_tools.connect.checklist import Checklist
-from robot_dynamics_tools.connect.description import checked_arm, Description
+from robot_dynamics_tools.connect.checks import Checklist
+from robot_dynamics_tools.connect.description import checked_arm
 from robot_dynamics_tools.connect.states import check_units
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 
@@ -28,7 +28,7 @@ def checked(
     urdf: str, joints: Any, published: Any, may_ask: bool = False, **limits: Any,
 ) -> tuple[Any, Checklist]:
     checks = Checklist()
-    found = checked_arm(Description(urdf, 'a file'), joints, published, limits, may_ask, checks)
+    found = checked_arm(urdf, 'a file', joints, published, limits, may_ask, checks)
     return found, checks
 
 
@@ -39,9 +39,9 @@ def grade_of(checks: Checklist, name: str) -> Grade:
 
 def test_a_missing_effort_limit_is_never_no_bound():
     _, checks = checked(UNLIMITED, [], ['joint1', 'joint2'])
-    assert [(check.name, check.value) for check in checks.bad] == [
-        ('limits', 'missing or 0: effort of joint2')]
-    (urdf, _), checks = checked(UNLIMITED, [], ['joint1', 'joint2'], joint2=[3.0, 40.0])
+    assert [check.text.partition(' (')[0] for check in checks.bad] == [
+        'missing or 0: effort of joint2']
+    (urdf, _), checks = checked(UNLIMITED, [], ['joint1', 'joint2'], joint2=['3.0', '40.0'])
     assert not checks.bad
     assert arm_from_urdf(urdf).limits.effort.tolist() == [150.0, 40.0]
 
@@ -71,14 +71,14 @@ def test_a_gripper_is_not_part_of_the_arm_unasked():
     assert list(arm.joint_names) == ARM_OF_PANDA
     assert not checks.bad
     _, checks = checked(PANDA, [], [*ARM_OF_PANDA, *fingers])
-    assert [(check.name, check.value) for check in checks.bad] == [
-        ('gripper', 'panda_finger_joint1 may be a gripper')]
+    assert [check.text.partition(' (')[0] for check in checks.bad] == [
+        'panda_finger_joint1 may be a gripper']
 
 
 def test_joints_of_another_robot_are_named_with_those_expected():
     (_, arm), checks = checked(default_arm_urdf(), [], ['a', 'b'])
     assert arm is None
-    assert checks.bad[0].value == 'none; not published: joint1, joint2; ignored: a, b'
+    assert checks.bad[0].text.startswith('none; not published: joint1, joint2; ignored: a, b')
 
 
 def series(factor: float, velocity_factor: float = 1.0) -> JointSeries:
@@ -98,6 +98,6 @@ def series(factor: float, velocity_factor: float = 1.0) -> JointSeries:
 ])
 def test_units_are_named(factor, velocity_factor, name, grade, said):
     checks = Checklist()
-    check_units(series(factor, velocity_factor), load_arm(default_arm_urdf()), checks)
+    check_units(series(factor, velocity_factor), load_arm(default_arm_urdf()), checks, {})
     assert grade_of(checks, name) is grade
-    assert said in checks[-1].value
+    assert said in checks[-1].text
