@@ -13,10 +13,9 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 import re
-import signal
-import subprocess
 import sys
 from tempfile import TemporaryDirectory
+import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
@@ -31,6 +30,7 @@ from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics_tools.connect.checks import BAD, Checklist, Settings, UNKNOWN
 from robot_dynamics_tools.connect.gravity import is_scale
 from robot_dynamics_tools.gravity_calibration.holds import per_joint
+from robot_dynamics_tools.processes import DYNAMICS, NodeProcess, STOP_TIMEOUT
 from robot_dynamics_tools.recordings.interrupts import uninterrupted
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
@@ -41,8 +41,8 @@ NAMESPACE = '/connect'
 NODE = f'{NAMESPACE}/dynamics'
 STEP = 0.02, 0.005
 """[rad], [m]: displacement of a probe."""
-START_TIME, END_TIME = 30.0, 10.0
-"""[s] that the node may take to start, and to end."""
+START_TIME = 30.0
+"""[s] that the node may take to start."""
 MOVE_TIME, HOLD_TIME = 0.5, 2.0
 """[s] of the motion of a probe, and of holding before the first one."""
 LIMIT_FRACTION = 0.5
@@ -70,30 +70,24 @@ def confirm() -> None:
 @contextmanager
 def holding_node(parameters: str, urdf: str, remaps: Sequence[str]) -> Iterator[None]:
     """Run `dynamics_node` with a parameter file and a URDF; at the end the arm stops first."""
-    with TemporaryDirectory() as folder, Path(folder, 'log').open('w', encoding='utf-8') as log:
-        for name, text in (('arm.yaml', parameters), ('arm.urdf', urdf)):
-            Path(folder, name).write_text(text, encoding='utf-8')
-        process = subprocess.Popen(
-            [sys.executable, '-m', 'robot_dynamics.ros.dynamics.node', '--ros-args',
-             '--params-file', f'{folder}/arm.yaml', '-p', f'robot_description_file:={folder}/'
-             'arm.urdf', '-p', 'command:=computed_torque', '-p',
-             f'effort_limit_fraction:={LIMIT_FRACTION}', '-r', f'__ns:={NAMESPACE}',
-             *(word for remap in remaps for word in ('-r', remap))],
-            stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for file, text in (('arm.yaml', parameters), ('arm.urdf', urdf)):
+            (folder / file).write_text(text, encoding='utf-8')
+        node = NodeProcess('dynamics', DYNAMICS, {
+            'robot_description_file': str(folder / 'arm.urdf'), 'command': 'computed_torque',
+            'effort_limit_fraction': LIMIT_FRACTION}, folder, folder / 'arm.yaml', [
+                '--ros-args', *(word for remap in [f'__ns:={NAMESPACE}', *remaps]
+                                for word in ('-r', remap)), '--'])
         try:
             yield
         except NoAnswerError as error:
-            last = Path(folder, 'log').read_text(encoding='utf-8').splitlines()[-1:]
-            raise ToolError(f'{error}; its log ends: {"".join(last)}') from None
+            raise ToolError(f'{error}; its log ends with:\n{node.last_lines()}') from None
         finally:
             with uninterrupted():
-                process.send_signal(signal.SIGINT)
-                try:
-                    process.wait(END_TIME)
-                    print('The arm has stopped, and the command has ended.', file=sys.stderr)
-                except subprocess.TimeoutExpired:
-                    process.kill()
-                    print(f'{NODE} was killed: it did not end in {END_TIME:g} s', file=sys.stderr)
+                node.interrupt()
+                node.wait(time.monotonic() + STOP_TIMEOUT)
+                print('The arm has stopped, and the command has ended.', file=sys.stderr)
 
 
 class Probes:

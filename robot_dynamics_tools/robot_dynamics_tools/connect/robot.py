@@ -133,13 +133,14 @@ def find_receiver(
 
 def _parameters(client: DynamicsClient, node: str) -> dict[str, Any]:
     """Return those of ASKED that a node has, none if it does not answer."""
-    service = f'{node}/get_parameters'
-    with suppress(RobotDynamicsError):
-        if any(name == service for name, _ in client.node.get_service_names_and_types()):
-            values = client.call(GetParameters, service, GetParameters.Request(
-                names=list(ASKED))).values
-            return dict(zip(ASKED, map(parameter_value_to_python, values)))
-    return {}
+    service, found = f'{node}/get_parameters', dict[str, Any]()
+    if any(name == service for name, _ in client.node.get_service_names_and_types()):
+        for name in ASKED:  # an undeclared one prevents the answer for others
+            with suppress(RobotDynamicsError):
+                for value in client.call(
+                        GetParameters, service, GetParameters.Request(names=[name])).values:
+                    found[name] = parameter_value_to_python(value)
+    return found
 
 
 def commanding(client: DynamicsClient, receiver: Receiver | None) -> list[str]:

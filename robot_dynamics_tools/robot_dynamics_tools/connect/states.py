@@ -122,8 +122,8 @@ def check_units(
         is_wrong = contradicts_position(
             series.times, series.position, series.velocity, series.stretches())
         names = ', '.join(np.array(arm.joint_names)[is_wrong])
-        checks.add('velocity', not names, f'not {expected} at {names}' if names else expected, expected,
-                   'correct the driver, or publish no velocities')
+        checks.add('velocity', not names, f'not {expected} at {names}' if names else expected,
+                   expected, 'correct the driver, or publish no velocities')
 
 
 def moving(series: JointSeries, arm: ArmModel) -> str:
