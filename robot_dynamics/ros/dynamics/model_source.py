@@ -200,9 +200,10 @@ def differences(ours: ArmModel, theirs: ArmModel) -> list[str]:
         found += [f'the {field.name} limit {b:g} of {name}, not {a:g}' for name, a, b in zip(
             ours.joint_names, mine, other) if np.isfinite([a, b]).all() and abs(a - b) > NEAR]
     q = np.linspace(0.3, 0.9, ours.joint_count)  # no symmetric pose
-    for what, of_one in (('g(q)', lambda one: RigidBody(one).gravity(q)),
-                         ('M(q)', lambda one: RigidBody(one).mass_matrix(q))):
-        a, error = of_one(ours), float(np.abs(of_one(theirs) - of_one(ours)).max())
+    mine_body, other_body = RigidBody(ours), RigidBody(theirs)
+    for what, a, b in (('g(q)', mine_body.gravity(q), other_body.gravity(q)),
+                       ('M(q)', mine_body.mass_matrix(q), other_body.mass_matrix(q))):
+        error = float(np.abs(a - b).max())
         if error > NEAR * max(float(np.abs(a).max()), 1.0):
             found.append(f'another {what}, by up to {error:.3g} of {np.abs(a).max():.3g}')
     return found

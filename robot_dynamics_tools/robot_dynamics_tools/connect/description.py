@@ -62,7 +62,8 @@ def checked_arm(
     if branches and not joints:
         checks.add('gripper', BAD, f'{", ".join(branches)} may be a gripper',
                    'one chain of joints that no other joint mimics',
-                   f'name the joints of the arm: --joints {" ".join(used)}')
+                   'name the joints of the arm: --joints ' + ' '.join(
+                       name for name in used if name not in branches))
     urdf = _completed(urdf, arm, limits, may_ask, checks)
     arm = arm_from_urdf(urdf, used)
     for finding in check_description(urdf, used, arm).findings:
@@ -78,8 +79,8 @@ def _remedy(known: Sequence[str], published: Sequence[str]) -> str:
         if set(published) >= {f'{prefix}{name}' for name in known}:
             return (f'the driver begins all names with {prefix!r}: use the description that it '
                     f'uses, for example --xacro prefix={prefix}')
-    return ('joints that are not published are locked; name those of the arm with --joints, or '
-            'use the description that the driver uses')
+    return ('name the joints of the arm with --joints (others are locked), its topic with '
+            '--topic, or use the description that the driver uses')
 
 
 def _branches(arm: ArmModel) -> list[str]:

@@ -68,7 +68,7 @@ def confirm() -> None:
 
 
 @contextmanager
-def holding_node(parameters: str, urdf: str, remaps: Sequence[str]) -> Iterator[None]:
+def holding_node(parameters: str, urdf: str, remaps: Sequence[str]) -> Iterator[NodeProcess]:
     """Run `dynamics_node` with a parameter file and a URDF; at the end the arm stops first."""
     with TemporaryDirectory() as name:
         folder = Path(name)
@@ -80,7 +80,7 @@ def holding_node(parameters: str, urdf: str, remaps: Sequence[str]) -> Iterator[
                 '--ros-args', *(word for remap in [f'__ns:={NAMESPACE}', *remaps]
                                 for word in ('-r', remap)), '--'])
         try:
-            yield
+            yield node
         except NoAnswerError as error:
             raise ToolError(f'{error}; its log ends with:\n{node.last_lines()}') from None
         finally:
@@ -106,10 +106,19 @@ class Probes:
         """Values of the statuses `drive` and `reference`."""
         self._stiffness: dict[str, float] = {}
 
-    def run(self, used: Settings) -> Settings:
-        """Hold the arm, move each joint, and return the settings after those that are `used`."""
+    def run(self, used: Settings, node: NodeProcess) -> Settings:
+        """
+        Hold the arm by `node`, move each joint, and return the settings after those `used`.
+
+        Raises NodeError if the node does not start.
+        """
         client, arm, watch, failure = self._client, self._arm, self._watch, ''
-        client.wait(lambda: client.node.count_publishers(f'{NODE}/reference'), START_TIME)
+
+        def is_started() -> bool:
+            node.check()
+            return bool(client.node.count_publishers(f'{NODE}/reference'))
+
+        client.wait(is_started, START_TIME)
         client.wait(lambda: client.joint_state_topic() == self._topic)
         with watch.following(), client.subscribed(
                 (JointState, client.resolve('~/computed_torque'), self._on_torque, 100),

@@ -12,6 +12,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model_check.html_page import Origin
+from robot_dynamics.ros.dynamics.parameters import SPECS
 from robot_dynamics.tools import command_line
 from robot_dynamics.urdf.description_file import read_description_file
 from robot_dynamics_tools.connect import description, passive, probe, robot, states
@@ -30,6 +31,8 @@ from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerEr
 
 LISTEN = 3.0
 """[s] in which rate, stamps and noise are measured."""
+LEAST = 10
+"""Messages in this time."""
 REST = 2.0
 """[s] of rest before the command."""
 
@@ -66,11 +69,21 @@ class Session:
     def __init__(self, client: DynamicsClient, arguments: Namespace, may_ask: bool) -> None:
         """`arguments` are the options of `connect`; with `may_ask`, missing limits are asked."""
         self._client, self._arguments, self._may_ask = client, arguments, may_ask
-        self._given = read_parameters(arguments.parameters)
+        if arguments.xacro and not str(arguments.urdf).endswith('.xacro'):
+            raise InvalidInputError(f'--xacro has no effect on {arguments.urdf}, expected --urdf '
+                                    'with a .xacro file')
+        if arguments.gravity and np.linalg.norm(arguments.gravity) < 1.0:
+            raise InvalidInputError(f'--gravity is {arguments.gravity}, expected 9.81 in length')
         self._description = None if arguments.urdf is None else (read_description_file(
             arguments.urdf, '--urdf', dict(arguments.xacro)), arguments.urdf)
         self._receiver: robot.Receiver | None = None
         self.checks = Checklist()
+        given, known = read_parameters(arguments.parameters), {spec.name for spec in SPECS}
+        self._given = {name: value for name, value in given.items() if name in known}
+        other = ', '.join(sorted(given.keys() - known))
+        if given:
+            self.checks.add('parameters', not other, f'not used: {other}' if other else 'known',
+                            'parameters of dynamics_node', 'correct their names')
         self.settings: Settings = {name: (value, 'given') for name, value in self._given.items()}
         self.urdf = ''
         self.arm: ArmModel | None = None
@@ -82,8 +95,13 @@ class Session:
         self._log = log = states.StateLog(robot.topic_of_states(client, arguments.topic))
         with log.receiving(client):
             if not client.wait(lambda: len(log)):
-                raise NoAnswerError(f'no message on {log.topic} in {client.timeout:g} s')
+                raise NoAnswerError(
+                    f'no message on {log.topic} of {robot.publishers(client, log.topic)} in '
+                    f'{client.timeout:g} s: start its driver, or activate its controller')
             client.wait(lambda: False, LISTEN)
+            if len(log) < LEAST:
+                raise NoAnswerError(f'{len(log)} messages on {log.topic} in {LISTEN:g} s, '
+                                    f'expected at least {LEAST}')
             self._find()
             if self.arm is not None and not self.checks.bad:
                 self._watch(self.arm)
@@ -184,10 +202,11 @@ class Session:
                  f'gravity takes {share:.0%} of an effort limit',
                  f'less than {probe.LARGEST_SHARE:.0%}')):
             if is_bad:
-                checks.add(f'{name} before the command', BAD, value, expected, 'then run it again')
+                checks.add(f'{name} before the command', BAD, value, expected,
+                           'change this, then run connect again')
         if not checks.bad:
             if not self._arguments.yes:
                 probe.confirm()
-            with probe.holding_node(self.file(), self.urdf, self._remaps):
+            with probe.holding_node(self.file(), self.urdf, self._remaps) as node:
                 probes = probe.Probes(self._client, arm, self._log.topic, checks)
-                self.settings |= probes.run(self.settings)
+                self.settings |= probes.run(self.settings, node)
