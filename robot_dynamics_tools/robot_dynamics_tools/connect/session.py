@@ -84,7 +84,8 @@ class Session:
         if given:
             self.checks.add('parameters', not other, f'not used: {other}' if other else 'known',
                             'parameters of dynamics_node', 'correct their names')
-        self.settings: Settings = {name: (value, 'given') for name, value in self._given.items()}
+        self.settings: Settings = {name: (value, f'given in {arguments.parameters}')
+                                   for name, value in self._given.items()}
         self.urdf = ''
         self.arm: ArmModel | None = None
         self.holds: list[Hold] = []

@@ -25,6 +25,8 @@ from sensor_msgs.msg import JointState
 
 STATE_TIMEOUT = 0.05
 """[s], the default of the parameter `state_timeout`."""
+MOVED = 0.01
+"""[rad] or [m] of motion from which velocities are compared with positions."""
 GAPS = 3.0
 """The timeout by the longest gap between two joint states."""
 
@@ -104,19 +106,21 @@ def check_units(
 
     `other_lengths` are those of a `StateLog`.
     """
+    assert series.position is not None
     expected = 'the derivative of the position'
+    has_moved = np.ptp(series.position, axis=0).max() > MOVED
     try:
-        check_degrees(series)
+        if has_moved:
+            check_degrees(series)
         plausible(series, arm, True)
     except RecordingError as error:
         checks.add('units', BAD, str(error), 'rad, m', 'convert them in the driver')
         return
-    assert series.position is not None
     checks.add('units', GOOD, 'within the limits of the joints', 'rad, m')
     if series.velocity is None:
         checks.add('velocity', False, other_lengths.get('velocity', 'missing'), expected,
                    'dynamics differentiates the positions, which is late and noisy')
-    elif np.ptp(series.position, axis=0).max() < 0.01:
+    elif not has_moved:
         checks.add('velocity', UNKNOWN, 'published, not compared: no motion', expected)
     else:
         is_wrong = contradicts_position(
