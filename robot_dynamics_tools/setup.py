@@ -15,6 +15,7 @@ EXECUTABLES = {
     'analyze': '__main__:tool',
     'animate': '__main__:tool',
     'calibrate_gravity': '__main__:tool',
+    'connect': '__main__:tool',
     'demo': '__main__:tool',
     'dynamics': '__main__:main',
     'dynamics_monitor': 'monitor.entry_points:dynamics_monitor',

@@ -3,17 +3,23 @@
 
 """Read a robot description from a file or a package, expanding xacro."""
 
+from collections.abc import Mapping
 import io
 import os
 from pathlib import Path
+from types import MappingProxyType
 
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.urdf.document import check_document, LARGEST_DESCRIPTION
 from robot_dynamics.urdf.sample_robots import sample_robot_path, SAMPLE_ROBOTS
 
+NO_ARGUMENTS: Mapping[str, str] = MappingProxyType({})
 
-def read_description(path: Path, field: str) -> str:
+
+def read_description(
+    path: Path, field: str, xacro_arguments: Mapping[str, str] = NO_ARGUMENTS,
+) -> str:
     """
     Return the URDF in a file; `field` names it in errors.
 
@@ -33,7 +39,7 @@ def read_description(path: Path, field: str) -> str:
             f'path, file://, package:// or one of {sorted(SAMPLE_ROBOTS)}') from None
     except (OSError, UnicodeDecodeError) as error:
         raise ModelError(f'{field} is {str(path)!r}, which cannot be read: {error}') from None
-    return _expand_xacro(path, field)
+    return _expand_xacro(path, field, xacro_arguments)
 
 
 def urdf_text(urdf: str | os.PathLike[str]) -> str:
@@ -52,9 +58,11 @@ def urdf_text(urdf: str | os.PathLike[str]) -> str:
     return read_description(path, 'urdf')
 
 
-def read_description_file(file: str, field: str) -> str:
+def read_description_file(
+    file: str, field: str, xacro_arguments: Mapping[str, str] = NO_ARGUMENTS,
+) -> str:
     """Return the URDF in a file, expanding xacro; raise ModelError, naming `field`, on failure."""
-    return read_description(description_path(file, field), field)
+    return read_description(description_path(file, field), field, xacro_arguments)
 
 
 def description_path(file: str, field: str) -> Path:
@@ -83,9 +91,9 @@ def description_path(file: str, field: str) -> Path:
         f'{"" if prefixes else ", in which AMENT_PREFIX_PATH is not set"}')
 
 
-def _expand_xacro(path: Path, field: str) -> str:
+def _expand_xacro(path: Path, field: str, arguments: Mapping[str, str]) -> str:
     xacro = optional('xacro', f'{field} is {str(path)!r}, which')
     try:
-        return str(xacro.process_file(str(path)).toxml())
+        return str(xacro.process_file(str(path), mappings=dict(arguments)).toxml())
     except Exception as error:  # a document can make xacro raise any exception
         raise ModelError(f'{field}: xacro cannot expand {str(path)!r}: {error}') from None

@@ -126,11 +126,11 @@ def add_recordings(
              '`identify` determines a stiffness that is not given, from the masses of the URDF '
              'and of payloads')
     parser.add_argument(
-        '--map', action='append', default=[], type=_pair, metavar='A=B', dest='joint_map',
+        '--map', action='append', default=[], type=pair, metavar='A=B', dest='joint_map',
         help='Two names of one joint, in the recording and in the URDF, in any order; may be '
              'repeated')
     parser.add_argument(
-        '--columns', action='append', default=[], type=_pair, metavar='WHAT=HEADER',
+        '--columns', action='append', default=[], type=pair, metavar='WHAT=HEADER',
         help='Column of a .csv file: time=HEADER, or JOINT.position=HEADER, .velocity or .effort; '
              'may be repeated (default: by the words in the headers)')
     parser.add_argument(
@@ -237,7 +237,8 @@ def read_robot(text: str | None, option: str = '--urdf') -> str:
     return read_description_file(text, option)
 
 
-def _pair(text: str) -> tuple[str, str]:
+def pair(text: str) -> tuple[str, str]:
+    """Return the two sides of A=B; the type of an option."""
     first, separator, second = text.partition('=')
     if not (first and separator and second):
         raise argparse.ArgumentTypeError(

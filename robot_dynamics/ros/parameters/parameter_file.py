@@ -13,6 +13,7 @@ from typing import Any
 from rclpy.node import Node
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 from robot_dynamics.urdf.yaml_text import load_yaml
 
 
@@ -119,7 +120,10 @@ def log_ignored_sections(node: Node, arguments: Sequence[str]) -> None:
         with suppress(RobotDynamicsError):
             ignored = ParameterFile(Path(file), '--params-file').ignored_sections(name)
             if ignored:
-                node.get_logger().warning(
+                words = (
                     f'Parameter file {file!r}: sections {ignored} do not apply to {name}; '
                     'expected the section /**, which applies to every node in every namespace, or '
                     'the full name of a node.')
+                node.get_logger().warning(words)
+                if isinstance(node, GuardedCallbacks):
+                    node.remarks.append(words)

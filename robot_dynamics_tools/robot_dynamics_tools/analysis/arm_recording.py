@@ -136,7 +136,7 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
             factor = '' if settings.seeks_stiffness else f'{STIFFNESS} times '
             remarks.append(f'effort: {factor}the distance to the command on '
                            f'{settings.command_topic}, which acts after {1e3 * delay:.0f} ms')
-    series, wild = _plausible(series, arm, settings.effort_is_current or (
+    series, wild = plausible(series, arm, settings.effort_is_current or (
         settings.parameters.get('measured_effort') in MOTOR_SIDE))
     check_degrees(series)
     check_sign_bits(series)
@@ -175,7 +175,7 @@ def _renamed(
     return names
 
 
-def _plausible(series: JointSeries, arm: ArmModel, is_motor_side: bool) -> tuple[JointSeries, int]:
+def plausible(series: JointSeries, arm: ArmModel, is_motor_side: bool) -> tuple[JointSeries, int]:
     """
     Return the samples within IMPLAUSIBLE times the limits, and the number of the others.
 

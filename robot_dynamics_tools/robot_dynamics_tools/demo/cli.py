@@ -95,7 +95,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     except OSError as error:
         raise InvalidInputError(f'--out: {command_line.os_error_text(error)}') from None
     print(f'Writing to {directory}', flush=True)
-    from robot_dynamics_tools.demo.processes import choose_domain
+    from robot_dynamics_tools.processes import choose_domain
     os.environ.update(choose_domain(os.environ))
     default = 'the planar two-link arm of this package' if arguments.replay is None else (
         'robot_description of the recording, or else the planar two-link arm of this package')
