@@ -76,9 +76,6 @@ GOOD, PUSHED, LOADED, GRAVITY = 'agrees', 'a push or a contact', 'a load', 'adds
 RIGHT = GOOD, PUSHED, LOADED
 REVERSED, NO_EFFECT, SCALE, CLIPPED = 'reversed', 'no effect', 'command scale', 'clipped at'
 DELAYED = 'delayed by'
-TILTED = 'gravity tilted by'
-LEAST_TILT, OTHER_SIZE = 15.0, 0.3
-"""Least angle [°] of a tilted base that is named, and largest relative error of its gravity."""
 DELAY_MARGIN = 40.0
 """Log evidence that a delay needs more: loads and rotors in a fast motion look like one."""
 DELAYS = 0.03, 0.04, 0.06, 0.08
@@ -290,26 +287,10 @@ class DriveModel:
         reach = np.array((1.0, *3 * (LOAD_REACH,)))
         lever = (np.abs(columns) * reach / self.joints.limit[:, np.newaxis]).max(initial=1e-9)
         heaviest = LOAD / lever
-        evidence, (mass, *_) = self._common(-columns, heaviest * reach)
+        evidence, (mass, *_) = self.common(-columns, heaviest * reach)
         return evidence + (LOAD_ODDS if mass > -0.5 * heaviest else 0.0)
 
-    def tilted(self, columns: FloatArray, gravity: FloatArray) -> Cause:
-        """
-        Return the cause that the base is tilted, with its log evidence.
-
-        `columns` (k, n, 3) are torques per γ, `gravity` γ (3,) [m/s²] is that of the model.
-        """
-        evidence, change = self._common(columns, np.full(3, np.linalg.norm(gravity)))
-        true = gravity - change
-        size = np.linalg.norm(true) / max(float(np.linalg.norm(gravity)), 1e-9)
-        angle = np.degrees(np.arccos(np.clip(
-            true @ gravity / max(float(np.linalg.norm(true) * np.linalg.norm(gravity)), 1e-9),
-            -1.0, 1.0)))
-        is_tilt = angle > LEAST_TILT and abs(size - 1.0) < OTHER_SIZE
-        return Cause(TILTED, ALL, evidence if is_tilt else -np.inf, float(angle),
-                     gravity=tuple(true.tolist()))
-
-    def _common(self, columns: FloatArray, spread: FloatArray) -> tuple[float, FloatArray]:
+    def common(self, columns: FloatArray, spread: FloatArray) -> tuple[float, FloatArray]:
         """
         Return the log evidence and the mean of parameters (m,) that act at all joints.
 
@@ -358,13 +339,12 @@ class Comparison(NamedTuple):
 
 
 def compare(
-    model: DriveModel, columns: FloatArray, of_gravity: FloatArray, base_gravity: FloatArray,
-    is_thorough: bool = False,
+    model: DriveModel, columns: FloatArray, tilted: Cause, is_thorough: bool = False,
 ) -> Comparison:
     """
     Return the comparison.
 
-    `columns` are those of `DriveModel.load`, `of_gravity` and `base_gravity` of `tilted`.
+    `columns` are those of `DriveModel.load`, `tilted` is the cause of `drive_tilt`.
 
     `is_thorough` adds delays, and makes gains and doubt those of the whole motion.
     """
@@ -378,9 +358,8 @@ def compare(
         Cause(GOOD, ALL, 0.0), Cause(PUSHED, ALL, push + float(pushed.sum()) - base),
         Cause(LOADED, ALL, model.load(columns) - base),
         Cause(GRAVITY, ALL, float(gravity.evidence.sum()) - base if (
-            model.explains_arm(gravity)) else -np.inf)]
-    tilted = model.tilted(of_gravity, base_gravity)
-    found.append(tilted._replace(evidence=tilted.evidence - base))
+            model.explains_arm(gravity)) else -np.inf),
+        tilted._replace(evidence=tilted.evidence - base)]
     doubt = np.full(len(good.gain), -np.inf)
     for name, fits in (
             *((name, model.fit(u, GAINS[name])) for name in (REVERSED, NO_EFFECT)),
@@ -416,13 +395,13 @@ def _in_motion(model: DriveModel, columns: FloatArray) -> tuple[Fits, FloatArray
     fits = [(d, model.fit(delayed(window.time, u, d), right)) for d in DELAYS]
     late = [
         Cause(DELAYED, ALL, float(one.evidence.sum()) - known - DELAY_MARGIN, d, 0.25 * INTERVAL)
-        for d, one in fits if model.explains_arm(one) and _is_common(
+        for d, one in fits if model.explains_arm(one) and _iscommon(
             one.evidence - good.evidence)]
     model.only(before)
     return free, doubt - good.evidence, late
 
 
-def _is_common(more: FloatArray) -> bool:
+def _iscommon(more: FloatArray) -> bool:
     """Return whether log evidence (n,) favours a cause at several joints, opposes it at none."""
     return bool((more > -AGAINST).all() and (more > AGAINST).sum() >= min(3, len(more)))
 
