@@ -42,8 +42,8 @@ def wrong(message: JointState) -> JointState:
 BENCH = {'parameters': {
     'following_error_limit': [0.0], 'gains.natural_frequency': [0.3]}}
 """
-The arm does not follow its commands. They differ by up to 4 N·m from what the motion needs, so that
-usual friction explains it: with larger gains the drive check rightly ends the command.
+The arm does not follow its commands. They differ by up to 4 N·m from what the motion needs, so
+that usual friction explains it: with larger gains the drive check rightly ends the command.
 """
 
 
