@@ -47,7 +47,7 @@ setup(
     name=package_name,
     version='0.1.0',  # see scripts/release
     packages=find_packages(include=['robot_dynamics', 'robot_dynamics.*']),
-    package_data={package_name: ['py.typed']},
+    package_data={package_name: ['py.typed', 'model_check/report.css']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),

@@ -60,8 +60,7 @@ def run_tool(
 
     `rejected` is the status of a RobotDynamicsError or OSError, whose message takes one line;
     `interrupted` is the message of a KeyboardInterrupt. A broken pipe is no error to print. The
-    message of a ToolError keeps its
-    lines, because it may end with a log.
+    message of a ToolError keeps its lines, because it may end with a log.
     """
     try:
         return run()
@@ -73,18 +72,13 @@ def run_tool(
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
     except OSError as error:
-        message, status = os_error_text(error), rejected
+        message, status = ' '.join(str(error).split()), rejected
+        if error.filename is not None:
+            message = f'{error.filename!r} cannot be used: {error.strerror}'
     except KeyboardInterrupt:
         message, status = interrupted, INTERRUPTED
     print(f'{prog}: {message}', file=sys.stderr)
     return status
-
-
-def os_error_text(error: OSError) -> str:
-    """Return which file cannot be used, and why, in one line."""
-    if error.filename is None:
-        return ' '.join(str(error).split())
-    return f'{error.filename!r} cannot be used: {error.strerror}'
 
 
 @contextmanager

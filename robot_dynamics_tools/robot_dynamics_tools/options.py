@@ -41,7 +41,7 @@ def run_tool(
     argv: Sequence[str] | None,
 ) -> int:
     """Return the exit status of `run` with the parsed arguments (`command_line.run_tool`)."""
-    arguments = parser.parse_args(argv)
+    arguments = with_xacro(parser.parse_args(argv))
     resumes = 'jobs' in arguments and arguments.output is not None
     return command_line.run_tool(
         parser.prog, lambda: run(arguments), interrupted='interrupted' + (
@@ -148,6 +148,17 @@ def add_robot(
         option, required=default is None if required is None else required, metavar=metavar,
         help=command_line.ROBOT_HELP
              + (f' (default: {default})' if default is not None else ''))
+    parser.add_argument(
+        '--xacro', action='append', default=[], type=_assignment, metavar='NAME:=VALUE',
+        help=f'Argument of the .xacro file of {option}; may be repeated')
+
+
+def with_xacro(arguments: argparse.Namespace) -> argparse.Namespace:
+    """Return parsed arguments with those of --xacro after the file of the robot."""
+    for name in ('urdf', 'robot'):
+        if getattr(arguments, 'xacro', None) and getattr(arguments, name, None) is not None:
+            setattr(arguments, name, ' '.join([getattr(arguments, name), *arguments.xacro]))
+    return arguments
 
 
 def add_cutoff(
@@ -235,6 +246,12 @@ def read_robot(text: str | None, option: str = '--urdf') -> str:
         return default_arm_urdf()
     from robot_dynamics.urdf.description_file import read_description_file
     return read_description_file(text, option)
+
+
+def _assignment(text: str) -> str:
+    if not re.fullmatch(r'\w+:=\S*', text):
+        raise argparse.ArgumentTypeError(f'{text!r}, expected NAME:=VALUE without spaces')
+    return text
 
 
 def pair(text: str) -> tuple[str, str]:

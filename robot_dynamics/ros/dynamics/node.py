@@ -271,7 +271,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def _statuses(self) -> list[Status]:
         self._models.take_waiting()
         served = self._path.command.served
-        remarks = [*self.remarks, *self._models.differences]
+        remarks = self._models.differences
         return [
             *self._path.states.statuses(state_timeout(self._settings.values)),
             self._trajectories.status(),

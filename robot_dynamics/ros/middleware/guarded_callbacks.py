@@ -63,8 +63,6 @@ class GuardedCallbacks(Node):
         Raises RobotDynamicsError if the parameters or the description of the arm are invalid.
         """
         self._logged_at: dict[str, float] = {}
-        self.remarks: list[str] = []
-        """What of the start is not as the user may expect, for the diagnostics."""
         self._answers = ExecutorDelivery(self)
         super().__init__(self.NAME, **node_arguments)
         atexit.register(self.destroy_node)  # its threads must end before the interpreter

@@ -32,7 +32,7 @@ DESCRIPTION_SPECS = (
         'URDF of the arm as XML text.'), read_only=True),
     text('robot_description_file', '', (
         'URDF file of the arm: a path or package://PACKAGE/PATH. A .xacro file is expanded if '
-        'xacro is installed.'), read_only=True),
+        'xacro is installed; its arguments follow: arm.xacro prefix:=left_.'), read_only=True),
     texts('joints', (
         'Names of the actuated joints, in the order of all arrays. If empty, all joints that move '
         'and do not mimic others, in the order of the URDF. Moving joints that are not named are '

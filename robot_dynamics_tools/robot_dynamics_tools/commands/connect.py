@@ -30,12 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         'Output parameter file; the description has the same name, with the suffix .urdf '
         '(default: %(default)s)'), Path('arm.yaml'))
     parser.add_argument('--report', type=Path, metavar='FILE', help='Report page (HTML)')
-    parser.add_argument(
-        '--urdf', metavar='FILE_OR_PACKAGE',
-        help=f'{command_line.ROBOT_HELP} (default: the topic robot_description)')
-    parser.add_argument(
-        '--xacro', action='append', default=[], type=options.pair, metavar='NAME=VALUE',
-        help='Argument of a .xacro file; may be repeated')
+    options.add_robot(parser, '--urdf', None, 'FILE_OR_PACKAGE', False)
     parser.add_argument(
         '--topic', metavar='NAME', help='Topic of the joint states (default: the one found)')
     parser.add_argument(

@@ -78,7 +78,7 @@ def _remedy(known: Sequence[str], published: Sequence[str]) -> str:
     for prefix in prefixes:
         if set(published) >= {f'{prefix}{name}' for name in known}:
             return (f'the driver begins all names with {prefix!r}: use the description that it '
-                    f'uses, for example --xacro prefix={prefix}')
+                    f'uses, for example --xacro prefix:={prefix}')
     return ('name the joints of the arm with --joints (others are locked), its topic with '
             '--topic, or use the description that the driver uses')
 

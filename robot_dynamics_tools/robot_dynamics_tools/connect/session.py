@@ -14,7 +14,6 @@ from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics.ros.dynamics.parameters import SPECS
 from robot_dynamics.tools import command_line
-from robot_dynamics.urdf.description_file import read_description_file
 from robot_dynamics_tools.connect import description, passive, probe, robot, states
 from robot_dynamics_tools.connect.checks import (
     BAD,
@@ -25,7 +24,7 @@ from robot_dynamics_tools.connect.checks import (
     UNKNOWN,
 )
 from robot_dynamics_tools.gravity_calibration.holds import Hold
-from robot_dynamics_tools.options import read_parameters
+from robot_dynamics_tools.options import read_parameters, read_robot
 from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 
@@ -69,13 +68,12 @@ class Session:
     def __init__(self, client: DynamicsClient, arguments: Namespace, may_ask: bool) -> None:
         """`arguments` are the options of `connect`; with `may_ask`, missing limits are asked."""
         self._client, self._arguments, self._may_ask = client, arguments, may_ask
-        if arguments.xacro and not str(arguments.urdf).endswith('.xacro'):
-            raise InvalidInputError(f'--xacro has no effect on {arguments.urdf}, expected --urdf '
-                                    'with a .xacro file')
+        if arguments.xacro and arguments.urdf is None:
+            raise InvalidInputError('--xacro has no effect, expected --urdf with a .xacro file')
         if arguments.gravity and np.linalg.norm(arguments.gravity) < 1.0:
             raise InvalidInputError(f'--gravity is {arguments.gravity}, expected 9.81 in length')
-        self._description = None if arguments.urdf is None else (read_description_file(
-            arguments.urdf, '--urdf', dict(arguments.xacro)), arguments.urdf)
+        self._description = None if arguments.urdf is None else (
+            read_robot(arguments.urdf), arguments.urdf)
         self._receiver: robot.Receiver | None = None
         self.checks = Checklist()
         given, known = read_parameters(arguments.parameters), {spec.name for spec in SPECS}

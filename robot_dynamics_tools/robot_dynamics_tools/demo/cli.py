@@ -90,10 +90,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     if arguments.viewer is not None:
         require('demo --viewer', 'viser')
     urdf = None if arguments.robot is None else options.read_robot(arguments.robot, '--robot')
-    try:
-        directory = _make_directory(arguments.out)
-    except OSError as error:
-        raise InvalidInputError(f'--out: {command_line.os_error_text(error)}') from None
+    directory = _make_directory(arguments.out)
     print(f'Writing to {directory}', flush=True)
     from robot_dynamics_tools.processes import choose_domain
     os.environ.update(choose_domain(os.environ))
@@ -176,6 +173,9 @@ def _written(urdf: str, directory: Path) -> str:
 def _make_directory(wanted: Path | None) -> Path:
     """Return a new or empty directory: the requested one, or a new one in it or in out/."""
     if wanted is not None:
+        if wanted.is_file():
+            raise InvalidInputError(
+                f'--out: {str(wanted)!r} cannot be used: it is a file, expected a directory')
         command_line.make_directory(wanted)
         if not any(wanted.iterdir()):
             return wanted
