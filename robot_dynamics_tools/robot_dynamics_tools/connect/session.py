@@ -142,17 +142,17 @@ class Session:
         """Check the joint states and the mount of an arm; begin its settings."""
         log, today, file = self._log, f'{datetime.now():%Y-%m-%d}', self._arguments.output
         gravity, of = self._arguments.gravity or self._given.get('gravity'), 'given'
-        if gravity is None:
-            found = robot.gravity_of_imu(self._client, arm, self.checks)
-            gravity, of = (arm.gravity, 'assumed: upright') if found is None else (
-                found[0], f'measured by {found[1]}, {today}')
-        self.arm = arm = arm.with_gravity(gravity)
+        if gravity is None and (found := robot.gravity_of_imu(self._client, arm, self.checks)):
+            gravity, of = found[0], f'measured by {found[1]}, {today}'
+        if gravity is not None:  # else upright is only assumed, and efforts may show the mount
+            arm = arm.with_gravity(gravity)
+            self.settings['gravity'] = arm.gravity.round(4).tolist(), of
+        self.arm = arm
         timeout, measured = states.check_states(log, arm, self.checks)
         self.settings |= {
             'joints': (list(arm.joint_names), f'{log.topic}, {measured}, {source}, {today}'),
             'robot_description_file': (str(file.with_suffix('.urdf').resolve()), (
                 f'the description of {source}, with the limits of the checks')),
-            'gravity': (arm.gravity.round(4).tolist(), of),
             'command': ('none', 'no command has been tried: docs/safety.md, "The first command"')}
         self.settings.pop('robot_description', None)
         if self._receiver is not None and self._receiver.is_controller:
@@ -178,11 +178,12 @@ class Session:
             if len(self.holds) > 1:
                 states.check_units(log.series(arm), arm, self.checks, log.other_lengths)
             shown = passive.check_report(
-                arm, self.holds, settings['gravity'][1].startswith('assumed'), self.checks)
+                arm, self.holds, 'gravity' not in settings, self.checks)
             if shown:
                 settings.pop('effort.report_scale', None)  # the given one
             settings |= shown
-            self.arm = arm.with_gravity(np.array(settings['gravity'][0]))
+            if 'gravity' in shown:
+                self.arm = arm.with_gravity(np.array(shown['gravity'][0]))
 
     def _move(self, arm: ArmModel) -> None:
         """Hold the arm, and move each joint; add what it shows to the settings."""
