@@ -80,6 +80,25 @@ class Recordings(NamedTuple):
     evaluate: Callable[[steps.Evaluation], list[steps.EvaluatedRecording]]
 
 
+class Observability(NamedTuple):
+    """What a first pass over recordings determines, before any model is fitted and tested."""
+
+    arm: ArmModel
+    information: QrInformation
+    gains: GainEstimate | None
+    models: model_selection.FittedModels
+    estimate: ParameterEstimate
+
+
+def observability(recordings: Recordings, effort_is_current: bool | None) -> Observability:
+    """Return what the recordings determine, from one pass; raise like `identify_recordings`."""
+    first, gains = _first_pass(recordings, effort_is_current)
+    arm = recordings.arm(first.joint_names)
+    models, base = fit_model(arm, first), base_parameters_of(arm.with_payloads(()))
+    return Observability(
+        arm, first, gains, models, estimate_parameters(first, base, models.problem))
+
+
 def prior_of(arm: ArmModel) -> Prior:
     """Return the prior model, from the arm's URDF."""
     bare = arm.with_payloads(())

@@ -23,7 +23,7 @@ from robot_dynamics_tools.identification.drive_gains import (
 )
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
-from robot_dynamics_tools.identification.pipeline import Identification
+from robot_dynamics_tools.identification.pipeline import Identification, Observability
 from robot_dynamics_tools.identification.recording_agreement import factor_of
 from robot_dynamics_tools.reporting.text_table import percent, Rows
 
@@ -160,7 +160,19 @@ def warnings(identification: Identification) -> list[str]:
             *_of_effort(identification)]
 
 
-def not_separable(identification: Identification) -> dict[str, tuple[str, ...]]:
+def observable_lines(found: Observability) -> list[str]:
+    """Return what recordings determine and what they do not, in sentences."""
+    estimate = found.estimate
+    total, known = len(estimate.names), int(estimate.excited.sum())
+    return [f'{known} of {total} parameters are excited, of them '
+            f'{int(estimate.excited[:estimate.base_count].sum())} of {estimate.base_count} base '
+            f'parameters; condition number {estimate.condition:.3g}',
+            *_of_friction(found), *_of_excitation(found), *([] if found.gains is None else [
+                f'{name}: the drive gain is {"" if is_known else "not "}identifiable'
+                for name, is_known in zip(found.arm.joint_names, found.gains.is_known)])]
+
+
+def not_separable(identification: Identification | Observability) -> dict[str, tuple[str, ...]]:
     """Return the friction parameters that were left out, by joint, for joints with effort."""
     information = identification.information
     return {
@@ -169,7 +181,7 @@ def not_separable(identification: Identification) -> dict[str, tuple[str, ...]]:
         if information.is_measured[j] and information.excitation.left_out(j)}
 
 
-def _of_friction(identification: Identification) -> Iterator[str]:
+def _of_friction(identification: Identification | Observability) -> Iterator[str]:
     names = identification.arm.joint_names
     excitation = identification.information.excitation
     structures = identification.models.problem.structures
@@ -212,7 +224,7 @@ def _of_bounds(identification: Identification) -> Iterator[str]:
             f'{without} instead of {text}')
 
 
-def _of_excitation(identification: Identification) -> Iterator[str]:
+def _of_excitation(identification: Identification | Observability) -> Iterator[str]:
     estimate = identification.estimate
     if estimate.condition > ILL_CONDITIONED:
         yield (f'the condition number of the base parameters is {estimate.condition:.3g}, above '

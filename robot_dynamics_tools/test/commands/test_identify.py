@@ -215,6 +215,13 @@ def test_effort_that_is_current(tmp_path, urdf, capsys):
     assert max(figures_of(tmp_path / 'out')['residual']['consistent']['test']) < 0.05
 
 
+def test_a_dry_run_says_what_is_observable_and_writes_nothing(tmp_path, short, urdf, capsys):
+    assert main([str(short), '--urdf', str(urdf), '--output', str(tmp_path / 'out'),
+                 '--dry-run']) == DONE
+    assert '7 of 7 base parameters' in ' '.join(capsys.readouterr().out.split())
+    assert not (tmp_path / 'out').exists()
+
+
 @pytest.mark.parametrize(('arguments', 'words'), [
     (['nowhere'], "'nowhere' does not exist"),
     (['BAG', '--payload', 'other:tool0=1'], "names the recording 'other', expected one of"),
