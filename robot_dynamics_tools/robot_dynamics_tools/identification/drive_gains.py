@@ -90,7 +90,7 @@ class GainEstimate(NamedTuple):
         size = np.abs(self.gain)
         off = self.is_known & ((size > SEEMS_OFF) | (size < 1.0 / SEEMS_OFF))
         # At one of several joints, a wrong mass is more likely.
-        return off & (off.sum() > 0.5 * self.is_known.sum())
+        return np.asarray(off & (off.sum() > 0.5 * self.is_known.sum()))
 
     @property
     def is_reversed(self) -> BoolArray:
