@@ -15,7 +15,7 @@ import sys
 from benchmarks.chains import chain_urdf, spatial_chain
 import numpy as np
 import pinocchio as pin
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import ArmModel, load_arm
@@ -59,7 +59,7 @@ class Case:
     def _changed(self, size: float) -> ArmModel:
         model = self.arm.unloaded_model.copy()
         for i, phi in enumerate(inertial_parameters(self.arm).reshape(-1, 10)):
-            L = np.linalg.cholesky(pseudo_inertia_matrix(phi))
+            L = np.asarray(np.linalg.cholesky(pseudo_inertia_matrix(phi)))
             model.inertias[i + 1] = pin.Inertia.FromDynamicParameters(
                 from_coordinates(L, size * self.rng.normal(size=10)))
         return replace(self.arm, pinocchio_model=model, unloaded_model=model)
@@ -133,16 +133,18 @@ def interval(seed: int) -> Figures:
         **parameter_values(case.arm, found.models.consistent), **uncertainty_values(found)})
     series = case.series(path())
     motion = filter_motion(series)
-    dynamics = ArmDynamics(arm)
-    deviation = EffortDeviation(dynamics, arm.uncertainty)
+    dynamics, uncertainty = ArmDynamics(arm), arm.uncertainty
+    assert uncertainty is not None
+    assert series.effort is not None
+    deviation = EffortDeviation(dynamics, uncertainty)
     model = dynamics.inverse_dynamics_batch(motion.position, motion.velocity, motion.acceleration)
     sigma = np.array([deviation(*each) for each in zip(
         motion.position, motion.velocity, motion.acceleration)])
     speed = np.abs(motion.velocity)
     for name, effort, band in (
-            ('filtered', motion.measured_effort, arm.uncertainty.noise_bandwidth),
+            ('filtered', motion.measured_effort, uncertainty.noise_bandwidth),
             ('raw', series.effort, np.inf)):
-        noise = arm.uncertainty.noise(band, 0.01)
+        noise = uncertainty.noise(band, 0.01)
         inside = np.abs(effort - model) <= 2.0 * np.hypot(sigma, noise)
         for third, (low, high) in enumerate(((0, 1 / 3), (1 / 3, 2 / 3), (2 / 3, 1))):
             part = (np.quantile(speed, low, axis=0) <= speed) & (
@@ -173,7 +175,7 @@ def negative(seed: int) -> Figures:
     return units(seed, 2)
 
 
-def swapped(series: JointSeries, order: FloatArray) -> JointSeries:
+def swapped(series: JointSeries, order: IntArray) -> JointSeries:
     """Return the recording with its joints in another order, under the same names."""
     return replace(series, **{
         name: getattr(series, name)[:, order] for name in ('position', 'velocity', 'effort')})
@@ -242,11 +244,12 @@ ROWS: dict[str, Callable[[int], Figures]] = {
         payload, interval, units, negative, contradictions, coverage, noisy, short)}
 
 
-def main(argv: Sequence[str] = ()) -> None:
+def main(words: Sequence[str]) -> None:
     """Print mean, median and largest value of each figure."""
-    words = list(argv or sys.argv[2:])
-    first, count = (map(int, words[1:3]) if words[:1] == ['--seeds'] else (0, 5))
-    for name in words[3:] or ROWS:
+    first, count, names = 0, 5, words
+    if words[:1] == ['--seeds']:
+        first, count, names = int(words[1]), int(words[2]), words[3:]
+    for name in names or ROWS:
         figures: Figures = {}
         for seed in range(first, first + count):
             for figure, values in ROWS[name](seed).items():

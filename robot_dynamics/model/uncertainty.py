@@ -22,8 +22,8 @@ class ModelUncertainty:
     B with the covariance B Bᵀ. `noise_deviation` (n,) [N·m] or [N] is the standard deviation of
     the measured effort about the model, after a filter that passes the band of `noise_bandwidth`
     [Hz]. `friction_deviation` (n,) [N·m] or [N] is that of friction at rest, which decreases to 0
-    at `friction_velocity` (n,) [rad/s] or [m/s]. Beyond `largest_velocity` (n,), the fastest of the
-    recordings, viscous friction is extrapolated, and uncertain by VISCOUS_ERROR.
+    at `friction_velocity` (n,) [rad/s] or [m/s]. Beyond `largest_velocity` (n,), the fastest of
+    the recordings, viscous friction is extrapolated, and uncertain by VISCOUS_ERROR.
     """
 
     columns: IntArray

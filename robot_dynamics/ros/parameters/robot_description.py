@@ -32,7 +32,7 @@ DESCRIPTION_SPECS = (
         'URDF of the arm as XML text.'), read_only=True),
     text('robot_description_file', '', (
         'URDF file of the arm: a path or package://PACKAGE/PATH. A .xacro file is expanded if '
-        'xacro is installed; its arguments follow: arm.xacro prefix:=left_.'), read_only=True),
+        'xacro is installed.'), read_only=True),
     texts('joints', (
         'Names of the actuated joints, in the order of all arrays. If empty, all joints that move '
         'and do not mimic others, in the order of the URDF. Moving joints that are not named are '
@@ -118,8 +118,8 @@ UNCERTAINTY_SPECS = (
         'Equivalent noise bandwidth [Hz] of the filter to which uncertainty.noise_deviation '
         'refers. It must be above 0 if uncertainty.noise_deviation is set.'), read_only=True),
     numbers_per_joint('uncertainty.friction_deviation', 0.0, 1e9, (
-        'Standard deviation [N·m] or [N] of friction about the model at rest, which decreases to 0 '
-        'at uncertainty.friction_velocity'), (
+        'Standard deviation [N·m] or [N] of friction about the model at rest, which decreases to '
+        '0 at uncertainty.friction_velocity'), (
         '. If empty, 0.'), read_only=True),
     numbers('uncertainty.friction_velocity', 0.0, 1e6, (
         'Speed [rad/s] or [m/s] at which uncertainty.friction_deviation has decreased to 0. It is '

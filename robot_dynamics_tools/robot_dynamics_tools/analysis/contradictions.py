@@ -196,7 +196,8 @@ def far_from_urdf(names: Sequence[str], ratios: FloatArray) -> tuple[str, ...]:
     is_twice = all(low <= ratio <= high for ratio in ratios.tolist() if ratio != 1.0)
     return (f'the gravity torque at {names[worst]} is {ratios[worst]:.2g} times that of the URDF: '
             'another arm, another URDF, or a load that is not given'
-            + (', or gravity is added twice' if is_twice else ''),)
+            + (', or gravity is added twice' if is_twice else ', or the effort is a current '
+               '(`identify --effort current`)' if ratios[worst] < 1.0 else ''),)
 
 
 def _check_degrees(arm: ArmModel, motion: FilteredMotion, cost: float) -> None:

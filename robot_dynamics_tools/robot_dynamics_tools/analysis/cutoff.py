@@ -4,10 +4,10 @@
 """
 The cut-off frequency of a low-pass filter for a recorded motion, chosen from its own spectrum.
 
-The cut-off frequency has five bounds. It is at most HIGHEST; it is well above the band of the motion, so that the filter
+The cut-off frequency has five bounds. It is well above the band of the motion, so that the filter
 does not attenuate the motion; below the frequency at which differentiated noise would dominate the
-acceleration; near the frequency from which the effort is noise; and at a safe fraction of the
-Nyquist frequency. The first bound is a factor of ten,
+acceleration; near the frequency from which the effort is noise; at a safe fraction of the Nyquist
+frequency; and where an arm is rigid. The first bound is a factor of ten,
 as in M. Gautier, "Dynamic identification of robots with power model", IEEE Int. Conf. Robotics and
 Automation, 1997.
 """

@@ -84,8 +84,8 @@ def check_degrees(series: JointSeries) -> None:
 
 def check_sign_bits(series: JointSeries) -> None:
     """Raise RecordingError if the effort is a magnitude with a bit for its sign."""
-    efforts = [] if series.effort is None or len(series.effort) < 2 else series.effort.T
-    found = {name: bit for name, e in zip(series.joint_names, efforts) if (bit := _sign_bit(e))}
+    effort = np.zeros((2, 0)) if series.effort is None else series.effort
+    found = {name: bit for name, e in zip(series.joint_names, effort.T) if (bit := _sign_bit(e))}
     if found:
         raise RecordingError(
             'the effort has a sign bit: it is never negative, and steps at changes of its sign, '
@@ -96,7 +96,7 @@ def check_sign_bits(series: JointSeries) -> None:
 def _sign_bit(effort: FloatArray) -> float:
     """Return the value of the bit in an effort (m,), 0 without one."""
     is_step = np.abs(np.diff(effort)) > SIGN_STEP * np.ptp(effort)
-    if effort.min() < 0.0 or is_step.sum() < 2:
+    if is_step.sum() < 2 or effort.min() < 0.0:
         return 0.0
     bit = float(np.maximum(effort[1:], effort[:-1])[is_step].min())
     below = effort[effort < bit]

@@ -32,8 +32,8 @@ from robot_dynamics_tools.identification.joint_excitation import LEAST_TRAVEL
 from robot_dynamics_tools.identification.pipeline import (
     Identification,
     identify_recordings,
-    observability,
     Observability,
+    observability,
     Recordings,
 )
 from robot_dynamics_tools.identification.qr_information import QrInformation

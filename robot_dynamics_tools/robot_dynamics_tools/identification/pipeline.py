@@ -224,8 +224,9 @@ def _check_torque(arm: ArmModel, gains: GainEstimate, effort_is_current: bool | 
         raise InvalidInputError(
             f'{other_unit(arm.joint_names, gains)}; if it is a torque, and the masses of the URDF '
             'are wrong, use --effort torque')
-    if gains.is_reversed.any():
-        listed = [name for name, is_so in zip(arm.joint_names, gains.is_reversed) if is_so]
+    is_reversed = gains.is_known & gains.is_reversed
+    if is_reversed.any():
+        listed = [name for name, is_so in zip(arm.joint_names, is_reversed) if is_so]
         raise InvalidInputError(
             f'the effort has the opposite sign at {", ".join(listed)}, expected that of the '
             'motion: set effort.report_scale of these joints to -1 (--parameters), or reverse '

@@ -146,7 +146,8 @@ def gain_rows(identification: Identification, gains: GainEstimate) -> Rows:
         rows.append((
             name, f'{gains.gain[j]:.4g}', f'{gains.deviation[j]:.2g}',
             f'{gains.noise[j]:.2g}',
-            'not identifiable: 1 is used' if not gains.is_known[j] else
+            ('sign by friction, no size: -1 is used' if gains.is_reversed[j] else
+             'not identifiable: 1 is used') if not gains.is_known[j] else
             '; '.join(text for text, is_so in (
                 ('the effort has the opposite sign', gains.is_reversed[j]),
                 ('confounded with the masses of the URDF', gains.is_confounded[j])) if is_so)))

@@ -12,9 +12,10 @@ determine have the deviations of the noise; the others have those of such a URDF
 
 The noise is calibrated so that the interval ± 2 σ of covariance, friction and noise contains
 COVERAGE of the slowest and of the fastest third of the recorded samples of each joint, because
-friction that sticks has any value (split conformal prediction: J. Lei et al., J. American Statistical Association 113(523), 2018). It is not an
-assumed distribution: the errors of friction are not normal. Samples for training count without the
-covariance, because the fit to them has not its error.
+friction that sticks has any value (split conformal prediction: J. Lei et al., J. American
+Statistical Association 113(523), 2018). It is not an assumed distribution: the errors of friction
+are not normal. Samples for training count without the covariance, because the fit to them has not
+its error.
 
 The bodies and rotors are represented by their base parameters for any direction of gravity, so
 that the covariance is also valid for an arm with another mounting.

@@ -167,7 +167,8 @@ def read_dataset(path: Path) -> Table:
         info = json.loads((path / INFO).read_text(encoding='utf-8'))
         features, rate = info['features'], float(info['fps'])
         files = sorted(path.glob('data/chunk-*/*.parquet'))
-        arrays = {name: [] for words in ARRAYS.values() for name in words if name in features}
+        arrays: dict[str, list[FloatArray]] = {
+            name: [] for words in ARRAYS.values() for name in words if name in features}
         episodes, frames = [], []
         for file in files:
             table = parquet.read_table(file)
@@ -181,7 +182,7 @@ def read_dataset(path: Path) -> Table:
         raise RecordingError(
             f'data set {str(path)!r} cannot be read: {error}, expected {INFO} with fps and '
             'features, and data/chunk-…/….parquet with episode_index and frame_index') from error
-    values = {}
+    values: dict[tuple[str, str], FloatArray] = {}
     for quantity, words in ARRAYS.items():
         for name in words:
             if arrays.get(name):

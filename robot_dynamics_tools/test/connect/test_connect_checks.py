@@ -12,7 +12,6 @@ import pytest
 from robot_dynamics.model.arm import arm_from_urdf, load_arm
 from robot_dynamics.model_check.html_page import Grade
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.urdf.description_file import read_description_file
 from robot_dynamics_tools.connect.checks import Checklist
 from robot_dynamics_tools.connect.description import checked_arm
 from robot_dynamics_tools.connect.states import check_units
@@ -53,16 +52,6 @@ def test_a_missing_limit_is_asked_for(monkeypatch, capsys, typed, bad):
     assert 'effort limit of joint2 [SI units, from the data sheet;' in capsys.readouterr().out
     assert [check.name for check in checks.bad] == bad
     assert arm_from_urdf(urdf).limits.effort[1] == (np.inf if bad else 40.0)
-
-
-def test_a_xacro_file_takes_arguments(tmp_path):
-    file = tmp_path / 'arm.xacro'
-    file.write_text(
-        '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="prefix" '
-        'default="a_"/><link name="$(arg prefix)base"/></robot>', encoding='utf-8')
-    pytest.importorskip('xacro')
-    assert '<link name="left_base"/>' in read_description_file(
-        str(file), '--urdf', {'prefix': 'left_'})
 
 
 def test_a_gripper_is_not_part_of_the_arm_unasked():

@@ -230,7 +230,8 @@ def test_a_gain_without_a_load_cannot_be_identified():
 def test_gains_that_differ_are_no_torque():
     def gains(*values, known=True):
         size = np.array(values)
-        return GainEstimate(size, 0.01 * size, np.full(len(size), known), 0.01 * size)
+        return GainEstimate(
+            size, 0.01 * size, np.full(len(size), known), 0.01 * size, np.ones(len(size)))
 
     assert gains(0.05, 0.3, 2.0, 5.0).differ
     assert gains(1.0, 1.0, 4.1, 4.1).differ  # the median of the ratios is more than 2

@@ -84,7 +84,7 @@ def test_a_data_set_of_lerobot(tmp_path, version):
 
 def test_other_files_are_named(tmp_path):
     for name, words in (
-            ('a.bag', 'rosbags-convert --src'), ('a.txt', 'is a file .txt, expected a file .mcap')):
+            ('a.bag', 'rosbags-convert --src'), ('a.txt', 'is a file .txt, expected a file')):
         (tmp_path / name).write_text('text')
         with pytest.raises(RecordingError, match=words):
             find_recordings([tmp_path / name])
