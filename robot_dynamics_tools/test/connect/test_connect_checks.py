@@ -12,6 +12,7 @@ import pytest
 from robot_dynamics.model.arm import arm_from_urdf, load_arm
 from robot_dynamics.model_check.html_page import Grade
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.urdf.description_file import read_description_file
 from robot_dynamics_tools.connect.checks import Checklist
 from robot_dynamics_tools.connect.description import checked_arm
 from robot_dynamics_tools.connect.states import check_units
