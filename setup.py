@@ -15,8 +15,8 @@ package_name = 'robot_dynamics'
 EXECUTABLES = {
     'dynamics_node': 'robot_dynamics.ros.entry_points:dynamics_node',
     'simulated_arm': 'robot_dynamics.ros.entry_points:simulated_arm',
-    'check_model': 'robot_dynamics.tools.check_model:main',
-    'planar_urdf': 'robot_dynamics.tools.planar_urdf:main',
+    'check_model': 'robot_dynamics.tools.command_line:execute',
+    'planar_urdf': 'robot_dynamics.tools.command_line:execute',
 }
 # colcon installs executables into lib/robot_dynamics, for `ros2 run`. A wheel (pip install) puts
 # them on the PATH, where their names must not be those of other programs.
@@ -45,9 +45,9 @@ if is_installed and not has_root and 'AMENT_PREFIX_PATH' in os.environ:
 
 setup(
     name=package_name,
-    version='0.1.0',  # catkin_prepare_release changes it together with package.xml
+    version='0.1.0',  # see scripts/release
     packages=find_packages(include=['robot_dynamics', 'robot_dynamics.*']),
-    package_data={package_name: ['py.typed']},
+    package_data={package_name: ['py.typed', 'model_check/report.css']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -69,7 +69,6 @@ setup(
     author=manifest.findtext('author'),
     maintainer=maintainer.text,
     maintainer_email=maintainer.get('email'),
-    url=manifest.findtext('url'),
     description=manifest.findtext('description'),
     license=manifest.findtext('license'),
     license_files=['LICENSE'],

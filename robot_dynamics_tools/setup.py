@@ -12,20 +12,21 @@ from setuptools import find_packages, setup
 
 package_name = 'robot_dynamics_tools'
 EXECUTABLES = {
-    'analyze': 'commands.analyze:main',
-    'animate': 'commands.animate:main',
-    'calibrate_gravity': 'commands.calibrate_gravity:main',
-    'demo': 'demo.cli:main',
+    'analyze': '__main__:tool',
+    'animate': '__main__:tool',
+    'calibrate_gravity': '__main__:tool',
+    'connect': '__main__:tool',
+    'demo': '__main__:tool',
     'dynamics': '__main__:main',
     'dynamics_monitor': 'monitor.entry_points:dynamics_monitor',
-    'estimate_payload': 'commands.estimate_payload:main',
-    'excite': 'commands.excite:main',
-    'export_mjcf': 'commands.export_mjcf:main',
-    'identify': 'commands.identify:main',
-    'learn_contact_levels': 'commands.learn_contact_levels:main',
+    'estimate_payload': '__main__:tool',
+    'excite': '__main__:tool',
+    'export_mjcf': '__main__:tool',
+    'identify': '__main__:tool',
+    'learn_contact_levels': '__main__:tool',
     'mujoco_arm': 'mujoco.entry_point:mujoco_arm',
-    'torque_map': 'commands.torque_map:main',
-    'viewer': 'viewer.cli:execute',
+    'torque_map': '__main__:tool',
+    'viewer': '__main__:tool',
 }
 # colcon installs executables into lib/robot_dynamics_tools, for `ros2 run`. A wheel (pip install)
 # puts them on the PATH, where their names must not be those of other programs.
@@ -37,7 +38,7 @@ maintainer = manifest.find('maintainer')
 
 setup(
     name=package_name,
-    version='0.1.0',  # catkin_prepare_release changes it together with package.xml
+    version='0.1.0',  # see scripts/release
     packages=find_packages(include=[package_name, f'{package_name}.*']),
     package_data={package_name: ['py.typed']},
     data_files=[
@@ -65,7 +66,6 @@ setup(
     author=manifest.findtext('author'),
     maintainer=maintainer.text,
     maintainer_email=maintainer.get('email'),
-    url=manifest.findtext('url'),
     description=manifest.findtext('description'),
     license=manifest.findtext('license'),
     license_files=['LICENSE'],

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics_tools.demo.processes import choose_domain
+from robot_dynamics_tools.processes import choose_domain
 from robot_dynamics_tools.recorder import Recorder, TopicSpec
 from robot_dynamics_tools.recordings.reader import JointSeries, Recording, RecordingWriter
 from robot_dynamics_tools.reporting.figures import (

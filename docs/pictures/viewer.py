@@ -18,7 +18,7 @@ import time
 from matplotlib.image import imread
 import numpy as np
 from robot_dynamics_tools.demo.loop import STEP_BY_STEP
-from robot_dynamics_tools.demo.processes import (
+from robot_dynamics_tools.processes import (
     choose_domain,
     DYNAMICS,
     Nodes,

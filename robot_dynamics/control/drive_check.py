@@ -40,6 +40,7 @@ from robot_dynamics.monitoring.drive_samples import (
     START,
     starts_at_rest,
 )
+from robot_dynamics.monitoring.drive_tilt import tilted
 from robot_dynamics.monitoring.drive_verdicts import (
     agreeing,
     candidates,
@@ -190,9 +191,10 @@ class DriveCheck:
         is_start = is_start and starts_at_rest(window, self.samples.start)
         motion = window.position, window.velocity, smoothed(window.acceleration)
         gravity = self._controller.dynamics.arm.pinocchio_model.gravity.linear
+        model = DriveModel(window, self.joints, is_start)
         return compare(
-            DriveModel(window, self.joints, is_start), self._loads[user](*motion)[..., :4],
-            self._gravities[user](*motion), np.array(gravity), user == 1)
+            model, self._loads[user](*motion)[..., :4],
+            tilted(model, self._gravities[user](*motion), np.array(gravity)), user == 1)
 
     # ------------------------------------------------------------------ verdicts
 

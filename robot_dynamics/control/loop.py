@@ -225,7 +225,10 @@ class ControlLoop:
     def reset(self) -> tuple[bool, str]:
         """Reset a latched fault whose cause has ended; return success and a message."""
         with self.lock:
-            return self.supervisor.reset()
+            done, words = self.supervisor.reset()
+            if done:
+                self.goals.interruption = ''
+            return done, words
 
     @property
     def reference(self) -> Reference | None:

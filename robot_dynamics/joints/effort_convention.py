@@ -56,11 +56,6 @@ class EffortConvention:
         """Return whether the measured effort excludes gravity."""
         return self.measured_effort == 'joint_torque_without_gravity'
 
-    @property
-    def expected_ratio(self) -> float:
-        """Return the expected ratio of (measured effort − command) to g(q) at rest."""
-        return float(self.compensates_gravity) - float(self.lacks_gravity)
-
 
 def make_effort_convention(
     measured_effort: str, robot_compensates: Sequence[str], has_actuators: bool,

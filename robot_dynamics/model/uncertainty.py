@@ -21,9 +21,9 @@ class ModelUncertainty:
     `columns` (k,) are the places of the parameters in `uncertain_names`; `root` (k, k) is a matrix
     B with the covariance B Bᵀ. `noise_deviation` (n,) [N·m] or [N] is the standard deviation of
     the measured effort about the model, after a filter that passes the band of `noise_bandwidth`
-    [Hz]. `friction_deviation` (n,) [N·m] or [N] is that of friction at speeds up to
-    `friction_velocity` (n,) [rad/s] or [m/s]. Beyond `largest_velocity` (n,), the fastest of the
-    recordings, viscous friction is extrapolated, and uncertain by VISCOUS_ERROR.
+    [Hz]. `friction_deviation` (n,) [N·m] or [N] is that of friction at rest, which decreases to 0
+    at `friction_velocity` (n,) [rad/s] or [m/s]. Beyond `largest_velocity` (n,), the fastest of
+    the recordings, viscous friction is extrapolated, and uncertain by VISCOUS_ERROR.
     """
 
     columns: IntArray
@@ -46,7 +46,8 @@ class ModelUncertainty:
         `viscous` (n,) [N·m·s/rad] or [N·s/m] is the viscous friction F_v of the model.
         """
         speed = np.abs(v)
-        near_rest = np.where(speed <= self.friction_velocity, self.friction_deviation, 0.0)
+        left = 1.0 - speed / np.where(self.friction_velocity > 0.0, self.friction_velocity, np.inf)
+        near_rest = self.friction_deviation * np.maximum(left, 0.0)
         beyond = np.maximum(speed - self.largest_velocity, 0.0)
         return np.asarray(np.hypot(near_rest, VISCOUS_ERROR * viscous * beyond))
 

@@ -14,37 +14,11 @@ from collections.abc import Iterable, Sequence
 from datetime import datetime
 from enum import Enum
 from html import escape
+from pathlib import Path
 import re
 from typing import NamedTuple
 
-_STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 78rem; margin: 1rem auto; padding: 0 1rem;
-  color: #1a1a1a; background: #fff; }
-h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; max-width: 100%; }
-th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid #ddd;
-  vertical-align: top; }
-th:first-child, td:first-child, .text td, .text th { text-align: left; }
-td:not(:last-child) { white-space: nowrap; }
-.text td { overflow-wrap: break-word; white-space: normal; }
-.text td:last-child, .long td:last-child { overflow-wrap: anywhere; white-space: normal; }
-.long td:last-child, .long th:last-child { text-align: left; }
-th { border-bottom: 2px solid #888; }
-ul { overflow-wrap: anywhere; }
-.loss { border-left: 4px solid #d55e00; padding-left: .8rem; list-style-position: inside; }
-.verdicts td:nth-child(-n+2) { white-space: nowrap; overflow-wrap: normal; }
-.summary { font-size: 1.1rem; }
-.mark { display: inline-block; width: .8em; height: .8em; border-radius: 50%; }
-img { max-width: 100%; height: auto; }
-@media screen { .wide { overflow-x: auto; } }
-@media screen and (max-width: 48rem) {
-  .wide img, .wide > div { max-width: none; width: 48rem; }
-  .text td:last-child, .long td:last-child, .verdicts td:nth-child(3) { min-width: 11rem;
-    overflow-wrap: break-word; } }
-@media screen { .zoomable .static { display: none; } }
-@media print { .zoomable .interactive { display: none; } .zoomable .static { display: block; }
-  body { max-width: none; font-size: 10pt; } tr, img { break-inside: avoid; } }
-"""
+_STYLE = Path(__file__).with_name('report.css').read_text(encoding='utf-8')
 _NO_SCRIPT = (
     '<noscript><style>.zoomable .interactive { display: none; } '
     '.zoomable .static { display: block !important; }</style></noscript>')

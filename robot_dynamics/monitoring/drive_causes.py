@@ -46,6 +46,8 @@ SPEED_NOISE = 0.003
 """[rad/s] or [m/s], deviation of a velocity."""
 DELAY = 0.004
 """[s] by which a command of a right drive may act late."""
+LATE = 0.3
+"""Deviation of the delay of the first command by DELAY; brakes hold the arm before it acts."""
 SLOW = 0.02
 """[rad/s] or [m/s] up to which dry friction has any value."""
 VIBRATES, LARGEST = 0.4, 1.2
@@ -55,7 +57,7 @@ no drive delivers: gearboxes that yield look so.
 """
 STEADY = 0.5
 """Least distance by way of a joint that does not vibrate."""
-PUSH = 0.3
+PUSH = 0.15
 """Deviation of a push as a fraction of the effort limit."""
 PUSH_ODDS = -7.0, 12.0
 """
@@ -76,9 +78,6 @@ GOOD, PUSHED, LOADED, GRAVITY = 'agrees', 'a push or a contact', 'a load', 'adds
 RIGHT = GOOD, PUSHED, LOADED
 REVERSED, NO_EFFECT, SCALE, CLIPPED = 'reversed', 'no effect', 'command scale', 'clipped at'
 DELAYED = 'delayed by'
-TILTED = 'gravity tilted by'
-LEAST_TILT, OTHER_SIZE = 15.0, 0.3
-"""Least angle [°] of a tilted base that is named, and largest relative error of its gravity."""
 DELAY_MARGIN = 40.0
 """Log evidence that a delay needs more: loads and rotors in a fast motion look like one."""
 DELAYS = 0.03, 0.04, 0.06, 0.08
@@ -93,8 +92,8 @@ CLIP = 0.1, 0.1
 """Mean and deviation of a clipped torque as a fraction of the effort limit."""
 AGAINST = 3.0
 """Log evidence at a joint against a cause of the whole arm, or for it."""
-CLIP_STEPS = 3
-"""Fits of a gain and of the command at which the drive gives its limit."""
+SCALES = 0.25 * np.arange(1, 25)
+"""Scales of the command that are compared if the drive reaches its limit."""
 POOR = 2.0
 """Log evidence per sample below which a cause does not explain it: three times the noise."""
 ALL = -1
@@ -164,12 +163,14 @@ class DriveModel:
         self.window, self.joints, limit = window, joints, joints.limit
         self.is_start = is_start
         sign = np.where(np.abs(window.velocity) > SLOW, np.sign(window.velocity), 0.0)
-        self._passive = np.stack((-sign, -window.acceleration), axis=-1)
         passed = np.diff(window.time)
         duration = np.maximum(np.append(passed[:1], passed) if len(passed) else np.array(
             [FIRST_INTERVAL]), 1e-3)[:, np.newaxis]
-        # before the first command, something holds the arm
-        late = np.abs(np.diff(window.commanded, axis=0, prepend=window.gravity[:1]))
+        held = np.zeros_like(sign)  # by brakes, before the first command acts
+        if is_start:
+            held[0] = DELAY / duration[0] * (window.needed[0] - window.gravity[0])
+        self._passive = np.stack((-sign, -window.acceleration, -held), axis=-1)
+        late = np.abs(np.diff(window.commanded, axis=0, prepend=window.commanded[:1]))
         at_rest = np.where(sign == 0.0, sum(joints.friction), 0.0)
         self.noise = np.sqrt(
             (window.inertia * SPEED_NOISE / duration)**2 + (0.005 * limit)**2
@@ -198,10 +199,10 @@ class DriveModel:
         self.counts, self.noise = counts, np.where(counts, self._noise, 1e6 * self.joints.limit)
 
     def _priors(self, gain: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
-        """Return mean and deviation (n, 3) of k, F and J."""
+        """Return mean and deviation (n, 4) of k, F, J and the late begin."""
         joints, same = self.joints, np.ones_like(self.joints.limit)
         mean, spread = (
-            np.stack((gain[i] * same, joints.friction[i], joints.rotor[i]), axis=-1)
+            np.stack((gain[i] * same, joints.friction[i], joints.rotor[i], i * LATE * same), -1)
             for i in range(2))
         return mean, spread
 
@@ -218,7 +219,7 @@ class DriveModel:
         log_volume = np.zeros(y.shape[1])
         if is_pushed:
             A, r, log_volume = self._without_pushes(A, r)
-        P = np.eye(3) + np.einsum('kni,knj->nij', A, A)
+        P = np.eye(A.shape[-1]) + np.einsum('kni,knj->nij', A, A)
         h = np.einsum('kni,kn->ni', A, r)
         d = np.linalg.solve(P, h[..., np.newaxis])[..., 0]
         evidence = -0.5 * (
@@ -256,16 +257,29 @@ class DriveModel:
         columns = np.concatenate((A, r[..., np.newaxis]), axis=-1).swapaxes(0, 1)
         both = np.asarray(np.linalg.solve(C, columns), dtype=np.float64)
         volume = 2.0 * np.log(np.diagonal(C, axis1=1, axis2=2)).sum(axis=1)
-        return both[..., :3].swapaxes(0, 1), both[..., 3].T, np.asarray(volume)
+        return both[..., :-1].swapaxes(0, 1), both[..., -1].T, np.asarray(volume)
 
     def scaled(self) -> Fits:
-        """Return the fits of a scaled command, whose torque the drive clips to its limit."""
-        u = self.window.commanded
+        """
+        Return the fits of a scaled command.
+
+        Scales at which the drive reaches its limit are compared one by one: the data may show
+        only that the scale is not less.
+        """
+        u, limit, (mean, spread) = self.window.commanded, self.joints.limit, GAINS[SCALE]
         fits = self.fit(u, GAINS[SCALE])
-        for _ in range(CLIP_STEPS):
-            at = self.joints.limit / np.maximum(np.abs(fits.gain), 1.0)
-            fits = self.fit(np.clip(u, -at, at), GAINS[SCALE])
-        return fits
+        largest = np.abs(np.where(self.counts, fits.gain * u, 0.0)).max(axis=0)
+        if (largest + self.joints.visible < limit).all():
+            return fits
+        k = np.sign(fits.gain) * SCALES[:, np.newaxis]
+        evidence = np.stack([self.fit(np.clip(x * u, -limit, limit), (1.0, MODEL)).evidence
+                             for x in k]) - 0.5 * ((k - mean) / spread)**2
+        most = evidence.max(axis=0)
+        weight = np.exp(evidence - most) * SCALES[0] / (spread * np.sqrt(2.0 * np.pi))
+        volume = weight.sum(axis=0)
+        gain = (weight * k).sum(axis=0) / volume
+        deviation = np.sqrt((weight * (k - gain)**2).sum(axis=0) / volume)
+        return Fits(most + np.log(volume), gain, deviation, fits.rotor)
 
     def clipped(self) -> Fits:
         """Return the fits of a torque that is clipped; their gain is the clipped torque (n,)."""
@@ -290,26 +304,10 @@ class DriveModel:
         reach = np.array((1.0, *3 * (LOAD_REACH,)))
         lever = (np.abs(columns) * reach / self.joints.limit[:, np.newaxis]).max(initial=1e-9)
         heaviest = LOAD / lever
-        evidence, (mass, *_) = self._common(-columns, heaviest * reach)
+        evidence, (mass, *_) = self.common(-columns, heaviest * reach)
         return evidence + (LOAD_ODDS if mass > -0.5 * heaviest else 0.0)
 
-    def tilted(self, columns: FloatArray, gravity: FloatArray) -> Cause:
-        """
-        Return the cause that the base is tilted, with its log evidence.
-
-        `columns` (k, n, 3) are torques per γ, `gravity` γ (3,) [m/s²] is that of the model.
-        """
-        evidence, change = self._common(columns, np.full(3, np.linalg.norm(gravity)))
-        true = gravity - change
-        size = np.linalg.norm(true) / max(float(np.linalg.norm(gravity)), 1e-9)
-        angle = np.degrees(np.arccos(np.clip(
-            true @ gravity / max(float(np.linalg.norm(true) * np.linalg.norm(gravity)), 1e-9),
-            -1.0, 1.0)))
-        is_tilt = angle > LEAST_TILT and abs(size - 1.0) < OTHER_SIZE
-        return Cause(TILTED, ALL, evidence if is_tilt else -np.inf, float(angle),
-                     gravity=tuple(true.tolist()))
-
-    def _common(self, columns: FloatArray, spread: FloatArray) -> tuple[float, FloatArray]:
+    def common(self, columns: FloatArray, spread: FloatArray) -> tuple[float, FloatArray]:
         """
         Return the log evidence and the mean of parameters (m,) that act at all joints.
 
@@ -317,12 +315,9 @@ class DriveModel:
         deviations of their priors, whose means are 0.
         """
         k, n, m = columns.shape
-        A = np.zeros((k, n, 3 * n + m))
-        joints = np.arange(n)
-        A[:, joints, joints] = self.window.commanded
-        A[:, joints, n + joints] = self._passive[..., 0]
-        A[:, joints, 2 * n + joints] = self._passive[..., 1]
-        A[..., 3 * n:] = columns
+        own = (self.window.commanded, *np.moveaxis(self._passive, -1, 0))
+        diagonals = [x[..., np.newaxis] * np.eye(n) for x in own]
+        A = np.concatenate((*diagonals, columns), axis=-1)
         mean, of_joints = (values.T.ravel() for values in self._priors((1.0, MODEL)))
         mean, spread = np.append(mean, np.zeros(m)), np.append(of_joints, spread)
         A, noise = A.reshape(k * n, -1), self.noise.reshape(-1)
@@ -331,7 +326,7 @@ class DriveModel:
         P, h = np.eye(len(mean)) + A.T @ A, A.T @ r
         d = np.linalg.solve(P, h)
         evidence = -0.5 * (r @ r - h @ d + np.linalg.slogdet(P)[1])
-        return float(evidence), (mean + spread * d)[3 * n:]
+        return float(evidence), (mean + spread * d)[-m:]
 
 
 class Comparison(NamedTuple):
@@ -358,13 +353,12 @@ class Comparison(NamedTuple):
 
 
 def compare(
-    model: DriveModel, columns: FloatArray, of_gravity: FloatArray, base_gravity: FloatArray,
-    is_thorough: bool = False,
+    model: DriveModel, columns: FloatArray, tilted: Cause, is_thorough: bool = False,
 ) -> Comparison:
     """
     Return the comparison.
 
-    `columns` are those of `DriveModel.load`, `of_gravity` and `base_gravity` of `tilted`.
+    `columns` are those of `DriveModel.load`, `tilted` is the cause of `drive_tilt`.
 
     `is_thorough` adds delays, and makes gains and doubt those of the whole motion.
     """
@@ -378,9 +372,8 @@ def compare(
         Cause(GOOD, ALL, 0.0), Cause(PUSHED, ALL, push + float(pushed.sum()) - base),
         Cause(LOADED, ALL, model.load(columns) - base),
         Cause(GRAVITY, ALL, float(gravity.evidence.sum()) - base if (
-            model.explains_arm(gravity)) else -np.inf)]
-    tilted = model.tilted(of_gravity, base_gravity)
-    found.append(tilted._replace(evidence=tilted.evidence - base))
+            model.explains_arm(gravity)) else -np.inf),
+        tilted._replace(evidence=tilted.evidence - base)]
     doubt = np.full(len(good.gain), -np.inf)
     for name, fits in (
             *((name, model.fit(u, GAINS[name])) for name in (REVERSED, NO_EFFECT)),
@@ -416,13 +409,13 @@ def _in_motion(model: DriveModel, columns: FloatArray) -> tuple[Fits, FloatArray
     fits = [(d, model.fit(delayed(window.time, u, d), right)) for d in DELAYS]
     late = [
         Cause(DELAYED, ALL, float(one.evidence.sum()) - known - DELAY_MARGIN, d, 0.25 * INTERVAL)
-        for d, one in fits if model.explains_arm(one) and _is_common(
+        for d, one in fits if model.explains_arm(one) and _iscommon(
             one.evidence - good.evidence)]
     model.only(before)
     return free, doubt - good.evidence, late
 
 
-def _is_common(more: FloatArray) -> bool:
+def _iscommon(more: FloatArray) -> bool:
     """Return whether log evidence (n,) favours a cause at several joints, opposes it at none."""
     return bool((more > -AGAINST).all() and (more > AGAINST).sum() >= min(3, len(more)))
 

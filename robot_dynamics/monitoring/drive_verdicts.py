@@ -26,9 +26,9 @@ from robot_dynamics.monitoring.drive_causes import (
     NO_EFFECT,
     REVERSED,
     SCALE,
-    TILTED,
 )
 from robot_dynamics.monitoring.drive_samples import DriveWindow
+from robot_dynamics.monitoring.drive_tilt import TILTED
 
 CERTAIN, SIMILAR = 10.0, 4.0
 """Log evidence beyond right drives to name a wrong one; and of causes that are named together."""

@@ -23,7 +23,7 @@ from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import RclError, UnknownArgumentsError
 from robot_dynamics.ros.middleware.shutdown import ends_in_time, ShutdownRequest
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage, outside_of_ros_args
-from robot_dynamics.ros.parameters.parameter_file import log_ignored_sections
+from robot_dynamics.ros.parameters.parameter_file import check_sections
 
 LONGEST_TURN = 0.0001
 """[s] after which Python switches to a waiting thread, such as control; default: 0.005 s."""
@@ -66,7 +66,7 @@ def run_node(
         executor = SingleThreadedExecutor()
         try:
             node = make_node()
-            log_ignored_sections(node, arguments)
+            check_sections(node, arguments)
             executor.add_node(node)
             end.when_asked(_when_asked(node))
             limit_memory()

@@ -9,11 +9,13 @@ Nothing here loads the library at import: the verbs of `ros2 dynamics` start wit
 
 import argparse
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from importlib import import_module
 import os
 from pathlib import Path
 import shlex
 import sys
+from tempfile import TemporaryFile
 from typing import Any, NoReturn, TYPE_CHECKING
 
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
@@ -21,6 +23,7 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 if TYPE_CHECKING:
     from robot_dynamics.model_check.html_page import Origin
 
+_DEVICES = Path('/dev')
 DONE, FAILED, MISTAKE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
 ROBOT_HELP = ('URDF or .xacro file of the robot: a path, package://PACKAGE/PATH, or the name of a '
               'sample robot, such as ur10')
@@ -43,6 +46,12 @@ class Parser(argparse.ArgumentParser):
         raise SystemExit(MISTAKE)
 
 
+def execute() -> int:
+    """Run the tool of this package with the name of the executable; an interrupt is one line."""
+    name = Path(sys.argv[0]).name.removeprefix('robot_dynamics_')
+    return run_tool(name, lambda: int(import_module(f'robot_dynamics.tools.{name}').main()))
+
+
 def run_tool(
     prog: str, run: Callable[[], int], rejected: int = MISTAKE, interrupted: str = 'interrupted',
 ) -> int:
@@ -51,8 +60,7 @@ def run_tool(
 
     `rejected` is the status of a RobotDynamicsError or OSError, whose message takes one line;
     `interrupted` is the message of a KeyboardInterrupt. A broken pipe is no error to print. The
-    message of a ToolError keeps its
-    lines, because it may end with a log.
+    message of a ToolError keeps its lines, because it may end with a log.
     """
     try:
         return run()
@@ -64,27 +72,43 @@ def run_tool(
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
     except OSError as error:
-        message, status = os_error_text(error), rejected
+        message, status = ' '.join(str(error).split()), rejected
+        if error.filename is not None:
+            message = f'{error.filename!r} cannot be used: {error.strerror}'
     except KeyboardInterrupt:
         message, status = interrupted, INTERRUPTED
     print(f'{prog}: {message}', file=sys.stderr)
     return status
 
 
-def os_error_text(error: OSError) -> str:
-    """Return which file cannot be used, and why, in one line."""
-    if error.filename is None:
-        return ' '.join(str(error).split())
-    return f'{error.filename!r} cannot be used: {error.strerror}'
-
-
 @contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Raise ToolError instead of an OSError while `path` is written."""
+def writing(path: Path) -> Iterator[Path]:
+    """
+    Yield the path of a new file, which replaces `path` at the end and is removed after an error.
+
+    Raises ToolError instead of an OSError. What is in /dev is written directly.
+    """
+    new = path if path.parent == _DEVICES else path.with_name(
+        f'.unfinished-{os.getpid()}-{path.name}')
     try:
-        yield
+        yield new
+        if new != path:
+            new.replace(path)
     except OSError as error:
         raise ToolError(f'cannot write {path}: {error.strerror or error}') from None
+    finally:
+        if new != path:
+            with suppress(OSError):
+                new.unlink()
+
+
+def make_directory(path: Path) -> None:
+    """Make a directory with its parents; raise ToolError, also if it cannot be written."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        TemporaryFile(dir=path).close()
+    except OSError as error:
+        raise ToolError(f'cannot write {path}: {error.strerror}') from None
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:
@@ -101,18 +125,19 @@ def prepare_file(path: Path, force: bool) -> None:
     Raises InvalidInputError if the file exists, unless `force`; ToolError if the directory cannot
     be made. A device such as /dev/stdout is no file, also if it is redirected to one.
     """
-    if path.is_file() and path.parent != Path('/dev') and not force:
+    if path.parent == _DEVICES:
+        return
+    if path.is_file() and not force:
         raise InvalidInputError(
             f'output {str(path)!r} exists, expected the name of a new file, or --force to '
             'replace it')
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
+    make_directory(path.parent)
 
 
-def write_file(path: Path, text: str) -> None:
+def write_file(path: Path, content: str | bytes) -> None:
     """Write an output file; raise ToolError."""
-    with writing(path):
-        path.write_text(text, encoding='utf-8')
+    with writing(path) as new:
+        new.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def write_output(path: Path | None, text: str, force: bool) -> None:

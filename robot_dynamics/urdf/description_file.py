@@ -6,26 +6,34 @@
 import io
 import os
 from pathlib import Path
+import re
 
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.urdf.document import check_document, LARGEST_DESCRIPTION
 from robot_dynamics.urdf.sample_robots import sample_robot_path, SAMPLE_ROBOTS
 
+_ARGUMENT = re.compile(r'\s+(?=\w+:=)')
+"""The space before an argument of xacro after the name of a file."""
+
 
 def read_description(path: Path, field: str) -> str:
     """
     Return the URDF in a file; `field` names it in errors.
 
-    Raises ModelError if the file cannot be read, is too large or has a DTD, and
-    MissingDependencyError if xacro is needed and missing.
+    The path of a .xacro file may end with arguments: `arm.xacro prefix:=left_`. Raises ModelError
+    if the file cannot be read, is too large or has a DTD, and MissingDependencyError if xacro is
+    needed and missing.
     """
+    path, arguments = _split(path)
     where = f'{field} {str(path)!r}'
     try:
         with path.open('rb') as file:
             data = file.read(LARGEST_DESCRIPTION + 1)
         check_document(data, where)
         if path.suffix != '.xacro':
+            if arguments:
+                raise ModelError(f'{where} has {arguments}, expected a .xacro file')
             return io.StringIO(data.decode(), newline=None).read()
     except FileNotFoundError:
         raise ModelError(
@@ -33,7 +41,7 @@ def read_description(path: Path, field: str) -> str:
             f'path, file://, package:// or one of {sorted(SAMPLE_ROBOTS)}') from None
     except (OSError, UnicodeDecodeError) as error:
         raise ModelError(f'{field} is {str(path)!r}, which cannot be read: {error}') from None
-    return _expand_xacro(path, field)
+    return _expand_xacro(path, field, arguments)
 
 
 def urdf_text(urdf: str | os.PathLike[str]) -> str:
@@ -45,7 +53,7 @@ def urdf_text(urdf: str | os.PathLike[str]) -> str:
     if isinstance(urdf, str) and '<' in urdf:
         return urdf
     path = description_path(os.fspath(urdf), 'urdf')
-    if not os.path.isfile(path):
+    if not os.path.isfile(_split(path)[0]):
         raise ModelError(
             f'urdf is {os.fspath(urdf)!r}, which is no file, expected the path of a URDF or xacro '
             'file, or the text of a URDF, which contains <')
@@ -61,8 +69,11 @@ def description_path(file: str, field: str) -> Path:
     """
     Return the path for a path, file://, package:// or a name of SAMPLE_ROBOTS.
 
-    Raises ModelError for other texts.
+    It ends with the arguments of xacro, if any. Raises ModelError for other texts.
     """
+    file, *arguments = _ARGUMENT.split(file)
+    if arguments:
+        return Path(' '.join([str(description_path(file, field)), *arguments]))
     scheme, separator, rest = file.partition('://')
     if not separator:
         is_name = file in SAMPLE_ROBOTS and not os.path.isfile(file)
@@ -83,9 +94,15 @@ def description_path(file: str, field: str) -> Path:
         f'{"" if prefixes else ", in which AMENT_PREFIX_PATH is not set"}')
 
 
-def _expand_xacro(path: Path, field: str) -> str:
+def _split(path: Path) -> tuple[Path, dict[str, str]]:
+    """Return a path without the arguments of xacro, and these."""
+    name, *arguments = _ARGUMENT.split(str(path))
+    return Path(name), dict(pair.split(':=', 1) for pair in arguments)
+
+
+def _expand_xacro(path: Path, field: str, arguments: dict[str, str]) -> str:
     xacro = optional('xacro', f'{field} is {str(path)!r}, which')
     try:
-        return str(xacro.process_file(str(path)).toxml())
+        return str(xacro.process_file(str(path), mappings=arguments).toxml())
     except Exception as error:  # a document can make xacro raise any exception
         raise ModelError(f'{field}: xacro cannot expand {str(path)!r}: {error}') from None

@@ -34,11 +34,19 @@ def with_elements(
             text = inertials[link.getAttribute('name')]
             _insert_first(document, link, minidom.parseString(text).documentElement)
     for joint in _children(robot, 'joint'):
-        values = dynamics.get(joint.getAttribute('name'), {})
-        if values and not _children(joint, 'dynamics'):
-            _insert_first(document, joint, document.createElement('dynamics'))
-        for name, value in values.items():
-            _children(joint, 'dynamics')[0].setAttribute(name, value)
+        _set(document, joint, 'dynamics', dynamics.get(joint.getAttribute('name'), {}))
+    return _text(document)
+
+
+def with_limits(urdf: str, limits: Mapping[str, Mapping[str, str]]) -> str:
+    """
+    Return the URDF with these attributes of `<limit>` of joints; others are kept.
+
+    Raises ModelError like `with_elements`.
+    """
+    document = _parsed(urdf)
+    for joint in _children(document.documentElement, 'joint'):
+        _set(document, joint, 'limit', limits.get(joint.getAttribute('name'), {}))
     return _text(document)
 
 
@@ -54,6 +62,16 @@ def with_continuous_joints(urdf: str) -> tuple[str, list[str]]:
     for joint in joints:
         joint.setAttribute('type', 'continuous')
     return _text(document) if joints else urdf, [joint.getAttribute('name') for joint in joints]
+
+
+def _set(
+    document: minidom.Document, joint: Any, tag: str, values: Mapping[str, str],
+) -> None:
+    """Set attributes of the element `tag` of a joint, which is made if it is missing."""
+    if values and not _children(joint, tag):
+        _insert_first(document, joint, document.createElement(tag))
+    for name, value in values.items():
+        _children(joint, tag)[0].setAttribute(name, value)
 
 
 def _parsed(urdf: str) -> minidom.Document:

@@ -9,6 +9,7 @@ They need no ros2cli. Verbs that are tools start without ROS.
 # PYTHON_ARGCOMPLETE_OK
 
 from collections.abc import Sequence
+from pathlib import Path
 import sys
 
 from robot_dynamics.dependencies import require_ros
@@ -19,15 +20,21 @@ from robot_dynamics_tools.ros2_dynamics.tools import is_tool, run_tool_verb
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a verb; return its exit status."""
     words = sys.argv[1:] if argv is None else list(argv)
-    if words and is_tool(words[0], words[1:]):
-        return run_tool_verb(words[0], words[1:])
 
     def run() -> int:
+        if words and is_tool(words[0], words[1:]):
+            return run_tool_verb(words[0], words[1:])
         require_ros('the tool')
         from robot_dynamics_tools.ros2_dynamics.verbs import main as run_verb
         return run_verb(words)
 
-    return run_tool('dynamics', run)
+    return run_tool(' '.join(['dynamics', *words[:1]]), run)
+
+
+def tool() -> int:
+    """Run the tool with the name of the executable, whatever its arguments are."""
+    name = Path(sys.argv[0]).name.removeprefix('robot_dynamics_')
+    return run_tool(name, lambda: run_tool_verb(name, sys.argv[1:]))
 
 
 if __name__ == '__main__':

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import json
 import math
 from pathlib import Path
+import re
 import sys
 import textwrap
 from typing import Any, TYPE_CHECKING
@@ -28,6 +29,8 @@ COMMAND = 'command.json'
 """File in KEPT with the arguments of the run that made the output."""
 LONGEST_LIST = 20
 """Number of printed lines of a list; the others are only counted."""
+LONGEST_NAME = 80
+"""Characters of the name of a robot in the name of a file."""
 _WIDTH = 110
 _WITHOUT_EFFECT = ('dask', 'force', 'jobs')
 """Arguments that do not change the results."""
@@ -38,7 +41,7 @@ def run_tool(
     argv: Sequence[str] | None,
 ) -> int:
     """Return the exit status of `run` with the parsed arguments (`command_line.run_tool`)."""
-    arguments = parser.parse_args(argv)
+    arguments = with_xacro(parser.parse_args(argv))
     resumes = 'jobs' in arguments and arguments.output is not None
     return command_line.run_tool(
         parser.prog, lambda: run(arguments), interrupted='interrupted' + (
@@ -88,8 +91,8 @@ def prepare_directory(
         raise InvalidInputError(
             f'output {str(existing)!r} exists and is not of the same command, expected another '
             '--output, or --force to replace it')
-    kept.mkdir(parents=True, exist_ok=True)
-    command.write_text(wanted, encoding='utf-8')
+    command_line.make_directory(kept)
+    command_line.write_file(command, wanted)
     return kept
 
 
@@ -109,16 +112,31 @@ def add_recordings(
     """Add BAG…, --urdf, which are `required` (--urdf without a default), --topic and --map."""
     parser.add_argument(
         'bags', nargs='+' if required else '*', type=Path, metavar='BAG',
-        help='A rosbag2 directory, a .mcap or .db3 file, or a folder that contains any of these')
+        help='A rosbag2 directory, a .mcap or .db3 file, or a folder that contains any of these; '
+             'or a .csv file with a header, or a data set of LeRobot')
     add_robot(parser, '--urdf', urdf_default, 'FILE_OR_PACKAGE', required and urdf_default is None)
     parser.add_argument(
         '--topic', metavar='NAME_OR_TYPE',
         help='Topic of the joint states, or the type sensor_msgs/msg/JointState if only one topic '
              'has it (default: /joint_states, or the only topic of this type)')
     parser.add_argument(
-        '--map', action='append', default=[], type=_pair, metavar='A=B', dest='joint_map',
+        '--command-topic', metavar='NAME',
+        help='Topic of the commanded positions, for drives that report no effort: it is '
+             'drive.stiffness (--parameters) times the distance from the position to the command. '
+             '`identify` determines a stiffness that is not given, from the masses of the URDF '
+             'and of payloads')
+    parser.add_argument(
+        '--map', action='append', default=[], type=pair, metavar='A=B', dest='joint_map',
         help='Two names of one joint, in the recording and in the URDF, in any order; may be '
              'repeated')
+    parser.add_argument(
+        '--columns', action='append', default=[], type=pair, metavar='WHAT=HEADER',
+        help='Column of a .csv file: time=HEADER, or JOINT.position=HEADER, .velocity or .effort; '
+             'may be repeated (default: by the words in the headers)')
+    parser.add_argument(
+        '--unit', choices=('rad', 'deg', 'range'), default='',
+        help='Unit of the positions: radians, degrees, or −100 to 100 of the range in the URDF '
+             '(default: radians; degrees of a .csv file are detected)')
 
 
 def add_robot(
@@ -130,6 +148,17 @@ def add_robot(
         option, required=default is None if required is None else required, metavar=metavar,
         help=command_line.ROBOT_HELP
              + (f' (default: {default})' if default is not None else ''))
+    parser.add_argument(
+        '--xacro', action='append', default=[], type=_assignment, metavar='NAME:=VALUE',
+        help=f'Argument of the .xacro file of {option}; may be repeated')
+
+
+def with_xacro(arguments: argparse.Namespace) -> argparse.Namespace:
+    """Return parsed arguments with those of --xacro after the file of the robot."""
+    for name in ('urdf', 'robot'):
+        if getattr(arguments, 'xacro', None) and getattr(arguments, name, None) is not None:
+            setattr(arguments, name, ' '.join([getattr(arguments, name), *arguments.xacro]))
+    return arguments
 
 
 def add_cutoff(
@@ -155,6 +184,11 @@ def add_output(
     """Add --output, a file or a directory, and --force."""
     parser.add_argument('-o', '--output', type=Path, metavar=metavar, default=default, help=text)
     command_line.add_force(parser)
+
+
+def default_output(name: str, ending: str) -> Path:
+    """Return the file in out/ of a robot with this name, which may have any characters."""
+    return Path('out', re.sub(r'[^\w.-]', '_', name)[:LONGEST_NAME] + ending)
 
 
 def add_parameters(parser: argparse.ArgumentParser, used: str) -> None:
@@ -190,7 +224,9 @@ def read_settings(arguments: argparse.Namespace) -> 'AnalysisSettings':
             print(f'Warning: joint {name!r} is revolute and has no <limit>, it is used as '
                   'continuous, the type of a joint without limits', file=sys.stderr)
     return AnalysisSettings(
-        urdf, arguments.topic, tuple(arguments.joint_map), arguments.cutoff, parameters)
+        urdf, arguments.topic, tuple(arguments.joint_map), arguments.cutoff, parameters,
+        columns=tuple(arguments.columns), unit=arguments.unit,
+        command_topic=arguments.command_topic)
 
 
 def read_parameters(path: Path | None) -> Mapping[str, Any]:
@@ -212,7 +248,14 @@ def read_robot(text: str | None, option: str = '--urdf') -> str:
     return read_description_file(text, option)
 
 
-def _pair(text: str) -> tuple[str, str]:
+def _assignment(text: str) -> str:
+    if not re.fullmatch(r'\w+:=\S*', text):
+        raise argparse.ArgumentTypeError(f'{text!r}, expected NAME:=VALUE without spaces')
+    return text
+
+
+def pair(text: str) -> tuple[str, str]:
+    """Return the two sides of A=B; the type of an option."""
     first, separator, second = text.partition('=')
     if not (first and separator and second):
         raise argparse.ArgumentTypeError(

@@ -39,6 +39,6 @@ def test_a_folder_says_what_it_is_for_and_has_no_circle_of_imports(folder):
 def test_a_wheel_has_the_licence_and_puts_no_names_of_others_on_the_path(tmp_path):
     wheel = unpacked_wheel(PROJECT, ('robot_dynamics_tools', 'resource', 'launch'), tmp_path)
     names = executables(wheel)
-    assert len(names) == 14
+    assert len(names) == 15
     assert all(name.startswith('robot_dynamics_') for name in names)
     assert list(wheel.rglob('LICENSE'))

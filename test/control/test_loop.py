@@ -80,6 +80,15 @@ def test_after_a_fault_the_arm_stops_and_is_held(name, cause):
     assert one.loop.goals.interruption == ''
 
 
+def test_the_status_forgets_a_fault_after_its_reset():
+    one = in_motion('default')
+    one.loop.end(one.now, Ending.by(Fault('position', 'joint1 is at 9 rad', latched=True)))
+    one.run(1.0)
+    assert 'joint1 is at 9 rad' in one.loop.goals.interruption
+    assert one.loop.reset() == (True, 'reset position: joint1 is at 9 rad')
+    assert one.loop.goals.interruption == ''
+
+
 def next_loop(before: ControlLoop, arm: ArmModel) -> ControlLoop:
     limits, old = arm.limits, before.supervisor
     return ControlLoop(

@@ -40,7 +40,7 @@ def test_a_subscriber_that_requests_too_much(bench, policy, qos):
             f'Incompatible QoS: a subscriber of effort_command requests a different {policy}')
         assert '[WARN]' in line
         status = bench.wait_figure('command', key, before + 1)
-        assert status.message == 'a subscriber requests an incompatible QoS'
+        assert status.message.startswith('a subscriber of ')
         bench.check_alive()
         assert not got
     finally:

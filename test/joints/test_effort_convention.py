@@ -65,14 +65,6 @@ def test_a_lossy_gearbox_is_read_within_its_losses(v):
     assert measured_from_joint('none', EFFORT, V, G, None).size == 0
 
 
-@pytest.mark.parametrize(('measured', 'compensates', 'expected'), [
-    ('joint_torque', (), 0.0), ('joint_torque', ALL, 1.0), ('motor_current', ('friction',), 0.0),
-    ('joint_torque_without_gravity', (), -1.0), ('joint_torque_without_gravity', ALL, 0.0),
-])
-def test_the_expected_ratio_of_gravity(measured, compensates, expected):
-    assert make_effort_convention(measured, compensates, True).expected_ratio == expected
-
-
 @pytest.mark.parametrize(('arguments', 'words'), [
     (('torque', [], True), "measured_effort is 'torque', expected one of .*'motor_current'"),
     (('none', ['friction', 'load'], True), r"robot_compensates\[1\] is 'load', expected one of"),

@@ -171,9 +171,9 @@ def test_xacro(tmp_path):
     path = tmp_path / 'arm.urdf.xacro'
     path.write_text(
         POINT_MASS.replace('name="r"', 'name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"')
-        .replace('value="2"', 'value="${1 + 2}"'), encoding='utf-8')
+        .replace('value="2"', 'value="${1 + $(arg load)}"'), encoding='utf-8')
     done = children.run(  # xacro changes how minidom writes XML
-        [sys.executable, '-m', 'robot_dynamics.tools.check_model', str(path)],
+        [sys.executable, '-m', 'robot_dynamics.tools.check_model', f'{path} load:=2'],
         capture_output=True, text=True)
     assert "joint 'hinge' moves 3 kg" in done.stdout
 

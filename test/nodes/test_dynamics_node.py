@@ -219,4 +219,12 @@ def test_a_description_on_its_topic_replaces_the_embedded_arm_if_there_is_no_par
             effort = other.command(other.state([np.pi / 2], ['hinge']))
     assert list(effort.name) == ['hinge']
     assert effort.effort == pytest.approx([-2.0 * 9.81 * 0.5])
-    assert client.node.count_subscribers('/topics/robot_description') == 0
+
+
+def test_another_description_than_that_of_the_parameters_is_named_and_not_used(client, bench):
+    heavy = planar_arm_urdf([5.0, 4.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05])
+    with client.describing('/topics') as publish:
+        publish(heavy)
+        bench.node.wait_for_log('that on the topic robot_description has the velocity limit 100')
+    effort = bench.command(bench.state([np.pi / 4, np.pi / 6]))
+    np.testing.assert_allclose(sorted(effort.effort), [-49.52282521, -11.37087883])

@@ -30,7 +30,9 @@ def test_the_manifest_is_valid_and_complete(path):
     package.validate(warnings=warnings)
     assert warnings == []
     assert package.authors
-    assert [url.type for url in package.urls] == ['repository']
+    root = parse_package(str(ROOT))  # see scripts/release
+    assert list(map(str, package.maintainers)) == list(map(str, root.maintainers))
+    assert package.version == root.version
     assert (path / package.licenses[0].file).read_text() == (ROOT / 'LICENSE').read_text()
 
 
@@ -38,10 +40,10 @@ def test_the_manifest_is_valid_and_complete(path):
 def test_setup_py_has_what_the_manifest_has(path):
     package = parse_package(str(path))
     assert setup_py(
-        path, '--version', '--author', '--maintainer', '--maintainer-email', '--url',
+        path, '--version', '--author', '--maintainer', '--maintainer-email',
         '--license', '--description') == [
             package.version, package.authors[0].name, package.maintainers[0].name,
-            package.maintainers[0].email, package.urls[0].url, str(package.licenses[0]),
+            package.maintainers[0].email, str(package.licenses[0]),
             package.description]
 
 

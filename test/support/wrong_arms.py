@@ -50,7 +50,7 @@ def model_arm(name: str) -> ArmModel:
     noise = NOISE * limit * (2.0 * BAND / RATE)**0.5
     return replace(arm, uncertainty=make_uncertainty(
         arm, names, covariance[np.tril_indices(size)], noise, BAND,
-        friction_deviation=dry / 3**0.5, friction_velocity=[0.02]))
+        friction_deviation=dry / 3**0.5, friction_velocity=[0.04]))
 
 
 def true_arm(model: ArmModel, rng: np.random.Generator) -> ArmModel:

@@ -15,6 +15,8 @@ from robot_dynamics.control.safety.faults import (
 )
 from robot_dynamics.trajectories.goal_limits import POSITION_TOLERANCE
 
+FAR = 1.0
+"""[rad] past a limit from which the positions may be in degrees."""
 OVERSPEED_FACTOR = 1.2
 """Multiple of a velocity limit above which a fault occurs: references reach the limit itself."""
 
@@ -25,9 +27,15 @@ def beyond_a_limit(
     """Return the fault of a position q (n,) that is POSITION_TOLERANCE past a limit."""
     past = np.maximum(q - limits.upper, limits.lower - q)
     j = int(np.argmax(past))
-    return None if not past[j] > POSITION_TOLERANCE else Fault(
+    if not past[j] > POSITION_TOLERANCE:
+        return None
+    as_degrees, words = np.radians(q), ''
+    if past[j] > FAR and (np.abs(as_degrees - np.clip(
+            as_degrees, limits.lower, limits.upper)) <= POSITION_TOLERANCE).all():
+        words = '; are the positions in degrees? Radians are expected'
+    return Fault(
         POSITION_LIMIT, f'position of {names[j]!r} is {q[j]:g}, {past[j]:g} past its limit, '
-        f'expected at most {POSITION_TOLERANCE:g}', recovery=5)
+        f'expected at most {POSITION_TOLERANCE:g}{words}', recovery=5)
 
 
 def too_fast(

@@ -31,6 +31,7 @@ from robot_dynamics.ros.dynamics.command_status import (
 )
 from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
 from robot_dynamics.ros.dynamics.served import Served
+from robot_dynamics.ros.dynamics.silence import no_receiver, Silence
 from robot_dynamics.ros.middleware.diagnostics import Status
 from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import raw_publish, RclError, subscription_count
@@ -75,6 +76,8 @@ class CommandOutput:
         self._stamp = bytes(8)
         self.is_active = self._ends = False
         """Whether commands are enabled."""
+        self._silence = Silence(
+            lambda words: node.get_logger().warning(f'No receiver: {words}'))
         self._latched: Fault | None = None
         self._faults_seen = 0
         self.mode_seen = Mode.INACTIVE
@@ -90,7 +93,8 @@ class CommandOutput:
         def report(event: Any) -> None:
             policy = qos_policy_name_from_kind(event.last_policy_kind)
             self.counters.others[f'incompatible subscribers of {topic}'] = event.total_count
-            self.counters.has_incompatible = True
+            self.counters.incompatible = (
+                f'a subscriber of {topic} requests an incompatible {policy}')
             self._node.get_logger().warning(
                 f'Incompatible QoS: a subscriber of {topic} requests a different {policy} and '
                 'receives nothing. Offered: reliable (matches best effort), volatile, no '
@@ -297,6 +301,12 @@ class CommandOutput:
                 loop.controller.options.command == NO_COMMAND)
             obstacle = '' if self.served is None else command_obstacle(
                 self.served.arm, self.served.values['command'])
-            return Status(
-                'command', *command_verdict(self.counters, mode, fault, is_off, obstacle),
-                self.counters.figures)
+        silence = ''
+        if mode is Mode.RUNNING and not (self.has_listeners() or self.counters.incompatible):
+            silence = self._silence.reason(
+                lambda: no_receiver(self._node, list(self.topics.values())))
+        else:
+            self._silence.end()
+        return Status(
+            'command', *command_verdict(self.counters, mode, fault, is_off, obstacle, silence),
+            self.counters.figures)

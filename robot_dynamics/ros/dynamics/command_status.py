@@ -26,8 +26,8 @@ class CommandCounters:
     others: Counter[str] = field(default_factory=Counter)
     """By their keys in the diagnostics."""
     limited_at: float = -math.inf
-    has_incompatible: bool = False
-    """Whether a subscriber requests an incompatible QoS."""
+    incompatible: str = ''
+    """The last subscriber that requested an incompatible QoS."""
 
     def count_limits(self, names: tuple[str, ...]) -> None:
         """Count the limits that have changed the effort of a state."""
@@ -63,14 +63,15 @@ def command_obstacle(arm: ArmModel, command: str) -> str:
 
 def command_verdict(
     counters: CommandCounters, mode: Mode | None, fault: Fault | None, is_off: bool,
-    obstacle: str = '',
+    obstacle: str = '', silence: str = '',
 ) -> tuple[bytes, str]:
     """
     Return level and message of the command for the diagnostics.
 
     `mode` and `fault` are the mode and the standing fault of the supervisor; without a model,
     `mode` is None and `fault` the latched one. `is_off` is whether the node is active and its
-    parameter command is 'none', `obstacle` why nothing is commanded although it is not.
+    parameter command is 'none', `obstacle` why nothing is commanded although it is not, `silence`
+    why nothing receives the command.
     """
     if obstacle:
         return ERROR, obstacle
@@ -84,6 +85,6 @@ def command_verdict(
         return WARN, mode.value
     if time.monotonic() - counters.limited_at < TELL_FOR:
         return WARN, 'held back by a limit'
-    if counters.has_incompatible:
-        return WARN, 'a subscriber requests an incompatible QoS'
+    if counters.incompatible or silence:
+        return WARN, silence or counters.incompatible
     return OK, mode.value

@@ -81,6 +81,7 @@ class ControlPath:
                     self._answer(served, state)
             except OtherJointsError:
                 self.states.dropped['other joints'] += 1
+                self.states.other_joints = state.name
             except NonFiniteEffortError as error:
                 self.states.drop('no finite effort', str(error))
                 self.command.notify()

@@ -10,14 +10,17 @@ no command is published. ~/robot_description contains the one in use, for other 
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import fields
 from subprocess import SubprocessError
 from threading import Thread
 from typing import Any, NamedTuple
 
+import numpy as np
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.worst_gravity import BRIEF, QUICK
 from robot_dynamics.model_check.finding import refuse_errors
@@ -35,6 +38,8 @@ from robot_dynamics.ros.parameters.robot_description import (
 from robot_dynamics.urdf.document import LARGEST_DESCRIPTION
 from std_msgs.msg import String
 
+NEAR = 1e-3
+"""Relative difference, or [rad, m, N·m, N], of numbers that are the same."""
 LARGEST_ARM = 12
 """Largest number of joints for the quick search at the start; above it, the brief search runs."""
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -64,6 +69,8 @@ class ModelSource:
         self._current: _Model | None = None
         self.waiting: _Model | None = None
         """A new model that waits until it can be loaded."""
+        self.differences: list[str] = []
+        """Why the description of the parameters is not that on the topic, which is ignored."""
         self._subscription: Any = None
         self._in_use = node.create_publisher(String, '~/robot_description', LATCHED)
 
@@ -73,6 +80,7 @@ class ModelSource:
         xml = description_from_parameters(values)
         if xml is not None:
             self._take(_Model(xml, self._checked_arm(xml)))
+            self._subscribe(self._compare)
             return
         obstacle = self._obstacle_of_embedded_arm()
         if obstacle:
@@ -81,9 +89,12 @@ class ModelSource:
                 'set robot_description_file.')
         else:
             self._use_embedded_arm()
+        self._subscribe(self._on_description)
+
+    def _subscribe(self, callback: Callable[[String], None]) -> None:
         if self._subscription is None:
             self._subscription = self._node.create_subscription(
-                String, 'robot_description', self._on_description, LATCHED,
+                String, 'robot_description', callback, LATCHED,
                 refuse=self._refuse, largest=LARGEST_DESCRIPTION)
 
     def forget(self) -> None:
@@ -157,6 +168,17 @@ class ModelSource:
         else:
             self._take(model)
 
+    def _compare(self, message: String) -> None:
+        """Warn if the robot publishes another description than that of the parameters."""
+        if self._current is not None and message.data != self._current.xml:
+            found = differences(self._current.arm, arm_from_parameters(
+                message.data, self._values(), self._current.arm.joint_names))
+            self.differences = [
+                'the description of the parameters is used, that on the topic robot_description '
+                f'has {found}' for found in found[:1]]
+            for words in self.differences:
+                self._node.get_logger().warning(f'Another robot? {words}')
+
     def _refuse(self, error: Exception) -> None:
         self._node.get_logger().error(f'Kept the model in use: {describe_error(error)}')
 
@@ -168,6 +190,23 @@ class ModelSource:
         check_or_refuse(xml, arm, values, self._node.get_logger())
         options_from(values, arm)
         return arm
+
+
+def differences(ours: ArmModel, theirs: ArmModel) -> list[str]:
+    """Return what another model of the same joints has instead; limits that one lacks agree."""
+    found = []
+    for field in fields(ours.limits):
+        mine, other = getattr(ours.limits, field.name), getattr(theirs.limits, field.name)
+        found += [f'the {field.name} limit {b:g} of {name}, not {a:g}' for name, a, b in zip(
+            ours.joint_names, mine, other) if np.isfinite([a, b]).all() and abs(a - b) > NEAR]
+    q = np.linspace(0.3, 0.9, ours.joint_count)  # no symmetric pose
+    mine_body, other_body = RigidBody(ours), RigidBody(theirs)
+    for what, a, b in (('g(q)', mine_body.gravity(q), other_body.gravity(q)),
+                       ('M(q)', mine_body.mass_matrix(q), other_body.mass_matrix(q))):
+        error = float(np.abs(a - b).max())
+        if error > NEAR * max(float(np.abs(a).max()), 1.0):
+            found.append(f'another {what}, by up to {error:.3g} of {np.abs(a).max():.3g}')
+    return found
 
 
 def check_or_refuse(xml: str, arm: ArmModel, values: Values, logger: Any) -> None:

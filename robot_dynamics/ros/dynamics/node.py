@@ -271,6 +271,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def _statuses(self) -> list[Status]:
         self._models.take_waiting()
         served = self._path.command.served
+        remarks = self._models.differences
         return [
             *self._path.states.statuses(state_timeout(self._settings.values)),
             self._trajectories.status(),
@@ -279,8 +280,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._payloads.status(),
             self._gravity.status(),
             Status(
-                'model', WARN if served is None else OK,
-                'none yet' if served is None else served.arm.name,
+                'model', WARN if served is None or remarks else OK, '; '.join([
+                    'none yet' if served is None else served.arm.name, *remarks]),
                 {'command': self._settings.values['command'],
                  'a new one waits': self._models.waiting is not None,
                  'callbacks that failed': self.callback_errors}),

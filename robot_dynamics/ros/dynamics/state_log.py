@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.ros.dynamics.silence import no_states, Silence
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 
@@ -26,7 +27,7 @@ REMEDIES = {
     'too old': f'synchronise the clocks of driver and computer, or set `state_max_age`; {REPLAY}',
     'from the future': 'synchronise the clocks of driver and computer, or set `state_max_age`',
     'stamp went back': 'stop all but one publisher of the joints of this arm',
-    'jump': 'stop all but one publisher of the joints of this arm',
+    'jump': 'stop all but one publisher of the joints of this arm; publish rad, not degrees',
     'stamp jumped ahead': 'stop all but one publisher of the joints of this arm',
     'unreadable': 'expected a sensor_msgs/msg/JointState: check the driver',
 }
@@ -95,6 +96,9 @@ class StateLog:
         self.arrivals = deque[float](maxlen=MOST_ARRIVALS)
         """Times [s] of new states on the steady clock that are not evaluated yet."""
         self.dropped = Counter[str]()
+        self.other_joints: list[str] | None = None
+        """The joints of the last message with none of the arm, None without one."""
+        self._silence = Silence(lambda words: self.warn('silence', f'No joint states: {words}'))
         self.last_drop = self._refused = ''
         self._timing = ArrivalTiming(time.monotonic())
         self._dropped_before, self._dropped_at = 0, -math.inf
@@ -157,12 +161,16 @@ class StateLog:
         level, words = OK, 'arriving'
         if now - self._dropped_at < 1.0:
             level, words = ERROR, self.last_drop
+        elif rate == 0.0 and self._missing:
+            level, words = ERROR, (
+                f'incomplete: no samples of {list(self._missing)} that are at most half '
+                'a period old')
         elif rate == 0.0:
-            level, words = WARN, 'none arrive'
-            if self._missing:
-                level, words = ERROR, (
-                    f'incomplete: no samples of {list(self._missing)} that are at most half '
-                    'a period old')
+            expected = () if loop is None else loop.controller.arm.joint_names
+            level, words = WARN, self._silence.reason(
+                lambda: no_states(self._node, expected, self.other_joints)) or 'none arrive yet'
+        if rate > 0.0 or now - self.answered_at < WINDOW:
+            self._silence.end()
         offset = 0.0 if loop is None else loop.gate.plausibility.clock_offset
         if offset > 0.0:
             level, words = max(level, WARN), f'{words}; {_other_clock(offset)}'
@@ -171,7 +179,7 @@ class StateLog:
         if wrong:
             level, words = max(level, WARN), (
                 f'{words}; the velocity of {wrong} contradicts the position and is not used: '
-                'check its sign and its unit')
+                'check its sign and its unit, and that positions are in rad, not in degrees')
         return Status('joint states', level, words, {
             'answered': 0 if loop is None else loop.states,
             'not new (stamp repeated)': self.repeated,

@@ -104,22 +104,25 @@ def _applies(section: str, node: str) -> bool:
     return re.fullmatch(pattern, node) is not None
 
 
-def log_ignored_sections(node: Node, arguments: Sequence[str]) -> None:
+def check_sections(node: Node, arguments: Sequence[str]) -> None:
     """
-    Warn of each parameter file on the command line that names the node in another namespace.
+    Warn of each parameter file on the command line none of whose sections applies to the node.
 
     ROS ignores such sections without a message: a node that is started in a namespace loses the
-    parameters of a section `/dynamics`. Files that cannot be read here are skipped: rcl has
-    accepted them.
+    parameters of a section `/dynamics`. Raises InvalidInputError for a node with the parameter
+    `command`, which would move an arm with other parameters. Files that cannot be read here are
+    skipped: rcl has accepted them.
     """
     name = node.get_fully_qualified_name()
-    for option, file in zip(arguments, arguments[1:]):
-        if option != '--params-file':
-            continue
-        with suppress(RobotDynamicsError):
-            ignored = ParameterFile(Path(file), '--params-file').ignored_sections(name)
-            if ignored:
-                node.get_logger().warning(
-                    f'Parameter file {file!r}: sections {ignored} do not apply to {name}; '
-                    'expected the section /**, which applies to every node in every namespace, or '
-                    'the full name of a node.')
+    for option, path in zip(arguments, arguments[1:]):
+        ignored: list[str] = []
+        if option == '--params-file':
+            with suppress(RobotDynamicsError):
+                ignored = ParameterFile(Path(path), option).ignored_sections(name)
+        if ignored:
+            message = (
+                f'Parameter file {path!r}: sections {ignored} do not apply to {name}; expected '
+                'the section /**, for every node in every namespace, or the name of a node.')
+            if node.has_parameter('command'):
+                raise InvalidInputError(message)
+            node.get_logger().warning(message)

@@ -118,11 +118,11 @@ UNCERTAINTY_SPECS = (
         'Equivalent noise bandwidth [Hz] of the filter to which uncertainty.noise_deviation '
         'refers. It must be above 0 if uncertainty.noise_deviation is set.'), read_only=True),
     numbers_per_joint('uncertainty.friction_deviation', 0.0, 1e9, (
-        'Standard deviation [N·m] or [N] of friction about the model at speeds up to '
-        'uncertainty.friction_velocity'), (
+        'Standard deviation [N·m] or [N] of friction about the model at rest, which decreases to '
+        '0 at uncertainty.friction_velocity'), (
         '. If empty, 0.'), read_only=True),
     numbers('uncertainty.friction_velocity', 0.0, 1e6, (
-        'Speed [rad/s] or [m/s] up to which uncertainty.friction_deviation is added. It is '
+        'Speed [rad/s] or [m/s] at which uncertainty.friction_deviation has decreased to 0. It is '
         'required if uncertainty.friction_deviation is set.'), read_only=True),
     numbers('uncertainty.largest_velocity', 0.0, 1e6, (
         'Largest speed [rad/s] or [m/s] of the recordings of the identification. The viscous '

@@ -13,15 +13,26 @@ from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.effort_convention import MOTOR_SIDE
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
-from robot_dynamics_tools.analysis.velocity_check import contradicts_position
+from robot_dynamics_tools.analysis.position_drives import (
+    commands,
+    drive_effort,
+    STIFFNESS,
+)
+from robot_dynamics_tools.analysis.units import (
+    check_degrees,
+    check_sign_bits,
+    IMPLAUSIBLE,
+    in_radians,
+    reach,
+)
+from robot_dynamics_tools.recordings.bag_files import is_table
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.recordings.sample_faults import counted
+from robot_dynamics_tools.recordings.tables import TableRecording
 from robot_dynamics_tools.recordings.topics import ROBOT_DESCRIPTION
 from robot_dynamics_tools.reporting.text_table import percent
 
-IMPLAUSIBLE = {'position': 2.0, 'velocity': 10.0, 'effort': 10.0}
-"""Multiple of a limit beyond which a sample is noise."""
 MOST_IMPLAUSIBLE = 0.1
 """Largest share of implausible samples of a joint that counts as noise."""
 _CAUSES = {
@@ -40,7 +51,9 @@ class AnalysisSettings:
     type, None for the joint states in the recording. `joint_map` has pairs of names of the same
     joint, in the recording and in the URDF. `cutoff_hz` [Hz] is the cut-off frequency of the
     filter, None to choose it from the data. `parameters` are those of `dynamics_node`, by their
-    full names. With `effort_is_current`, the limits of the effort do not apply.
+    full names. With `effort_is_current`, the limits of the effort do not apply. `columns` are
+    those of `TableRecording`, `unit` is that of positions (`units.in_radians`). `command_topic`
+    has the commanded positions of drives that report no effort (`position_drives`).
     """
 
     urdf: str = ''
@@ -49,6 +62,14 @@ class AnalysisSettings:
     cutoff_hz: float | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
     effort_is_current: bool = False
+    columns: tuple[tuple[str, str], ...] = ()
+    unit: str = ''
+    command_topic: str | None = None
+
+    @property
+    def seeks_stiffness(self) -> bool:
+        """Whether the effort is the distance to the command of drives of unknown stiffness."""
+        return self.command_topic is not None and not self.parameters.get(STIFFNESS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +90,13 @@ class ReadRecording:
                 *(f'no finite number: {each}' for each in self.series.faults.never_finite))))
 
 
+def open_recording(
+    path: Path, columns: tuple[tuple[str, str], ...] = (),
+) -> Recording | TableRecording:
+    """Return an open recording; raise RecordingError."""
+    return TableRecording(path, columns) if is_table(path) else Recording(path)
+
+
 def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
     """
     Return the joint states of a recording for the arm of the settings.
@@ -76,7 +104,7 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
     Joints of the arm that were not recorded are locked. Raises RecordingError, ModelError, or
     InvalidInputError if arm and recording do not match.
     """
-    with Recording(path) as recording:
+    with open_recording(path, settings.columns) as recording:
         topic = recording.joint_state_topic(settings.topic)
         states = recording.joint_states(topic)
         urdf = settings.urdf or recording.description()
@@ -85,7 +113,8 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
                 f'recording {str(path)!r} has no {ROBOT_DESCRIPTION}, expected the URDF with '
                 '--urdf')
         whole = arm_from_urdf(urdf, settings.parameters.get('joints') or ())
-        states = states.renamed(_renamed(settings.joint_map, states.joint_names, whole))
+        names = _renamed(settings.joint_map, states.joint_names, whole)
+        states = states.renamed(names)
         joints = states.together(whole.joint_names)
         if not joints:
             raise InvalidInputError(
@@ -94,11 +123,23 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
                 '--urdf, or the names with --map')
         series = states.series(joints)
         remarks = [*recording.notes, *series.faults.words()]
-    arm = arm_from_parameters(urdf, settings.parameters, joints)
-    series = series.unwrapped(arm.is_continuous)
-    series, wild = _plausible(series, arm, settings.effort_is_current or (
+        arm = arm_from_parameters(urdf, settings.parameters, joints)
+        series, converted = in_radians(series, arm, settings.unit, is_table(path))
+        remarks += converted
+        series = series.unwrapped(arm.is_continuous)
+        if settings.command_topic is not None:
+            sent, _ = in_radians(
+                commands(recording, settings.command_topic, joints, names), arm, settings.unit,
+                is_table(path))
+            series, delay = drive_effort(
+                series, sent, arm, settings.parameters.get(STIFFNESS, ()))
+            factor = '' if settings.seeks_stiffness else f'{STIFFNESS} times '
+            remarks.append(f'effort: {factor}the distance to the command on '
+                           f'{settings.command_topic}, which acts after {1e3 * delay:.0f} ms')
+    series, wild = plausible(series, arm, settings.effort_is_current or (
         settings.parameters.get('measured_effort') in MOTOR_SIDE))
-    _check_degrees(series)
+    check_degrees(series)
+    check_sign_bits(series)
     received, series = len(series.stamps_ns), series.driven()
     held = received - len(series.stamps_ns)
     locked = [name for name in whole.joint_names if name not in joints]
@@ -134,16 +175,15 @@ def _renamed(
     return names
 
 
-def _plausible(series: JointSeries, arm: ArmModel, is_motor_side: bool) -> tuple[JointSeries, int]:
+def plausible(series: JointSeries, arm: ArmModel, is_motor_side: bool) -> tuple[JointSeries, int]:
     """
     Return the samples within IMPLAUSIBLE times the limits, and the number of the others.
 
     Raises RecordingError if more than MOST_IMPLAUSIBLE of the samples of a joint are beyond.
     """
     good = np.ones(len(series.stamps_ns), dtype=np.bool_)
-    reach = np.maximum(np.maximum(np.abs(arm.limits.lower), np.abs(arm.limits.upper)), 1.0)
     for name, values, limit in (
-            ('position', series.position, reach),
+            ('position', series.position, reach(arm)),
             ('velocity', series.velocity, arm.limits.velocity),
             ('effort', None if is_motor_side else series.effort, arm.given_report.limit)):
         if values is None:
@@ -161,18 +201,3 @@ def _plausible(series: JointSeries, arm: ArmModel, is_motor_side: bool) -> tuple
                 f'Likely cause: {_CAUSES[name]}')
         good &= is_good.all(axis=1)
     return (series, 0) if good.all() else (series.at(np.flatnonzero(good)), int((~good).sum()))
-
-
-def _check_degrees(series: JointSeries) -> None:
-    """Raise RecordingError if the velocity is the derivative of the position taken as degrees."""
-    q, v = series.position, series.velocity
-    if q is None or v is None or len(v) < 2:
-        return
-    is_wrong, is_wrong_as_degrees = (
-        contradicts_position(series.times, each, v, series.stretches())
-        for each in (q, np.radians(q)))
-    if (is_wrong & ~is_wrong_as_degrees).any():
-        raise RecordingError(
-            'position in degrees: its derivative is 57.3 times the velocity at '
-            + ', '.join(np.array(series.joint_names)[is_wrong & ~is_wrong_as_degrees])
-            + '. Expected radians')

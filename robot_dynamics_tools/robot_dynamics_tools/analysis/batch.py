@@ -27,6 +27,7 @@ from typing import Any, Generic, get_type_hints, TypeVar
 import robot_dynamics
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics_tools.analysis import result_store
 from robot_dynamics_tools.recordings.bag_files import METADATA, storage_groups
 
@@ -117,6 +118,8 @@ def _execute(
         result = function(bag, settings)
         result_store.save_result(cache, key, result)
         return TaskOutcome(bag, result)
+    except ToolError:  # the outputs cannot be written
+        raise
     except RobotDynamicsError as error:
         return TaskOutcome(bag, error=str(error))
     except Exception as error:  # an error of one recording must not stop the others

@@ -6,15 +6,19 @@ Likely causes why a recording contradicts the URDF of its arm.
 
 The measured effort is regressed on the bodies, whose masses are those of the URDF with an error of
 about a third, the last one with any load, and on rotors and friction. Each hypothesis changes this
-regression: a delay, sign or unit of the effort, another vector of gravity, an offset of an
-encoder, or a load from some time on. The one with the largest likelihood is accepted if it is
-likelier by LEAST_GAIN per independent sample and joint, by the Bayesian information criterion
-(G. Schwarz, The Annals of Statistics 6(2), 1978); then the others are tried with it. Friction that
-drives the motion and negative rotors are left out, so that they cannot explain a wrong sign.
+regression: a delay, sign or unit of the effort, two joints in the wrong order, another vector of
+gravity, an offset of an encoder, or a load from some time on. The one with the largest likelihood
+is accepted if it is likelier by LEAST_GAIN per independent sample and joint that it changes, by
+the Bayesian information criterion (G. Schwarz, The Annals of Statistics 6(2), 1978); then the
+others are tried with it. Friction that drives the motion and negative rotors are left out, so that
+they cannot explain a wrong sign. A residual that no cause reduces, and a gravity torque far from
+that of the URDF, suggest another arm.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -30,13 +34,24 @@ from robot_dynamics_tools.analysis.motion_filter import (
     samples_per_independent_sample,
 )
 
-LEAST_GAIN, LEAST_GAIN_OF_OFFSET = 0.3, 0.03
+LEAST_GAIN, LEAST_GAIN_AT_REST = 0.3, 0.03
 """
 Smallest gain of log-likelihood per independent sample and joint that names a cause.
 
-In pauses, friction that no term describes gives gains of up to 0.2, and 0.008 for an offset of an
-encoder (docs/evidence/contradictions.md).
+In pauses, friction that no term describes gives gains of up to 0.2 for a delay or a load, and
+0.008 for what acts at rest too, gravity and offsets of encoders (docs/evidence/contradictions.md).
 """
+UNEXPLAINED = 0.15
+"""Median residual of the joints, relative to the effort, that suggests another arm."""
+FAR = 2.0
+"""
+Ratio of the gravity torque at a joint to that of the URDF that suggests another arm.
+
+ln 2 is two standard deviations of a URDF whose masses are wrong by a third, all in one sense.
+"""
+TWICE = 1.6, 2.5
+"""Size of gravity, by that of the URDF, that suggests that it is added twice."""
+_LEAST_SHARE = 0.1
 LEAST_NOISE = 0.005
 """Residual, relative to the effort, below which nothing is explained."""
 DELAYS = 0.01 * np.arange(-5, 31)
@@ -58,6 +73,7 @@ _DISTANCES = (0.003, 0.03)  # rad; without presliding friction, a delay explains
 _SPLITS = np.linspace(0.1, 0.9, 9)
 _MOST_ROWS = 1500
 _STEP = 1e-4
+_POSES = 150
 _LOAD = 4  # mass and first moments
 _ROTOR, _SLIDING = 0, 2  # own columns of a joint: rotor, offset, then friction
 _MOST_CAUSES = 8
@@ -65,42 +81,123 @@ _MOST_CAUSES = 8
 
 @dataclass(frozen=True)
 class _Hypothesis:
-    """Further columns, delay [s] and unit of the effort, and joints of wrong sign."""
+    """Further columns, delay [s] and unit of the effort, joints of wrong sign, swapped joints."""
 
     columns: tuple[int, ...] = ()
     delay: float = 0.0
     flipped: frozenset[int] = frozenset()
     unit: float = 1.0
+    swapped: tuple[int, ...] = ()
 
     @property
     def least_gain(self) -> float:
-        return LEAST_GAIN_OF_OFFSET if len(self.columns) == 1 else LEAST_GAIN
+        return LEAST_GAIN_AT_REST if len(self.columns) in (1, 3) else LEAST_GAIN
+
+    def share(self, joint_count: int) -> float:
+        """Return the share of the joints that it changes."""
+        return (len(self.flipped | set(self.swapped)) or joint_count) / joint_count
 
     def __or__(self, other: '_Hypothesis') -> '_Hypothesis':
         return _Hypothesis(
             self.columns + other.columns, self.delay + other.delay, self.flipped ^ other.flipped,
-            self.unit * other.unit)
+            self.unit * other.unit, self.swapped + other.swapped)
 
 
-def find_contradictions(arm: ArmModel, motion: FilteredMotion) -> tuple[float, tuple[str, ...]]:
+class _Fit(NamedTuple):
+    """
+    Negative logarithm of the likelihood, and the values of the bodies and of further columns.
+
+    `residual` is that of each measured joint, relative to its effort.
+    """
+
+    cost: float
+    bodies: FloatArray
+    values: FloatArray
+    residual: FloatArray
+
+
+def find_contradictions(
+    arm: ArmModel, motion: FilteredMotion, has_load: bool = False,
+) -> tuple[float, tuple[str, ...]]:
     """
     Return the delay [s] of the effort, 0 for none, and the likely causes of a contradiction.
 
-    `motion` has the effort at the joints of `arm`, in its order. Raises RecordingError if it is in
-    degrees.
+    `motion` has the effort at the joints of `arm`, in its order. With `has_load`, the last link
+    may carry any load. Raises RecordingError if the motion is in degrees.
     """
     test = _Test(arm, motion)
-    accepted, cost, least_gain = _Hypothesis(), test.fit(_Hypothesis())[0], 0.0
+    accepted, cost, least_gain = _Hypothesis(), test.fit(_Hypothesis()).cost, 0.0
     _check_degrees(arm, motion, cost - test.freedom * LEAST_GAIN)
     for _ in range(_MOST_CAUSES if test.freedom else 0):
         # after a large cause, a small one may be an error of the large one
-        trials = [(test.cost(accepted | each), max(least_gain, each.least_gain), accepted | each)
+        trials = [(test.cost(accepted | each), max(least_gain, each.least_gain), each)
                   for each in test.hypotheses(accepted)]
-        least, gain, best = min(trials, key=lambda trial: trial[0] + test.freedom * trial[1])
-        if cost - least < test.freedom * gain:
+        needed = [test.freedom * gain * each.share(len(test.measured))
+                  for _, gain, each in trials]
+        best = int(np.argmin([least + more for (least, *_), more in zip(trials, needed)]))
+        least, gain, each = trials[best]
+        if cost - least < needed[best]:
             break
-        accepted, cost, least_gain = best, least, gain
-    return test.refined_delay(accepted), tuple(test.causes(accepted))
+        accepted, cost, least_gain = accepted | each, least, gain
+    if test.freedom and test.is_slow and np.median(test.fit(accepted).residual) > UNEXPLAINED:
+        return 0.0, (_swapped_joints(arm, motion, cost - test.freedom * LEAST_GAIN),)
+    far = _far_gravity(test, accepted, has_load)
+    if far:  # bodies of another arm, whose inertia and gravity differ by other factors
+        accepted = replace(accepted, columns=tuple(
+            column for column in accepted.columns if column >= test.gravity + 3))
+    return test.refined_delay(accepted), (*test.causes(accepted), *far)
+
+
+def _swapped_joints(arm: ArmModel, motion: FilteredMotion, cost: float) -> str:
+    """Return the two joints in the wrong order, if the fit then has less than this cost."""
+    names, best = arm.joint_names, ''
+    for i, j in combinations(range(len(names)), 2):
+        order = np.arange(len(names))
+        order[[i, j]] = j, i
+        found = _Test(arm, replace(motion, **{name: getattr(motion, name)[:, order] for name in (
+            'position', 'velocity', 'acceleration', 'effort')})).fit(_Hypothesis()).cost
+        if found < cost:
+            cost, best = found, f'{names[i]} and {names[j]} are swapped in the recording'
+    return best or ('the URDF does not explain the effort: another arm, another URDF, or joints '
+                    'in another order')
+
+
+def _far_gravity(test: '_Test', accepted: _Hypothesis, has_load: bool) -> tuple[str, ...]:
+    """Return a sentence if the gravity torque is far from that of the URDF."""
+    if accepted.unit != 1.0 or not (test.freedom and test.is_slow):
+        return ()
+    phi = test.fit(accepted).bodies
+    if has_load:
+        phi = np.concatenate([phi[:-pseudo_inertia.COUNT], test.prior[-pseudo_inertia.COUNT:]])
+    return far_from_urdf(test.arm.joint_names, gravity_ratios(test.arm, phi, test.positions))
+
+
+def gravity_ratios(arm: ArmModel, phi: FloatArray, q: FloatArray) -> FloatArray:
+    """
+    Return the RMS (n,) of the gravity torque of bodies φ (p,) by that of the arm, at q (m, n).
+
+    It is 1 at joints with less than a tenth of the largest torque. `arm` has no payload.
+    """
+    rest = np.zeros_like(q)
+    Y = TorqueRegressor(arm)(q, rest, rest)
+    found, described = (np.sqrt(np.mean((Y @ each)**2, axis=0))
+                        for each in (phi, inertial_parameters(arm)))
+    bears = np.maximum(found, described)
+    counts = (bears > _LEAST_SHARE * bears.max()) & (np.minimum(found, described) > 0.0)
+    return np.asarray(np.divide(found, described, out=np.ones_like(found), where=counts))
+
+
+def far_from_urdf(names: Sequence[str], ratios: FloatArray) -> tuple[str, ...]:
+    """Return a sentence if a gravity ratio of the named joints is far from 1."""
+    worst = int(np.argmax(np.abs(np.log(ratios))))
+    if 1.0 / FAR <= ratios[worst] <= FAR:
+        return ()
+    low, high = TWICE
+    is_twice = all(low <= ratio <= high for ratio in ratios.tolist() if ratio != 1.0)
+    return (f'the gravity torque at {names[worst]} is {ratios[worst]:.2g} times that of the URDF: '
+            'another arm, another URDF, or a load that is not given'
+            + (', or gravity is added twice' if is_twice else ', or the effort is a current '
+               '(`identify --effort current`)' if ratios[worst] < 1.0 else ''),)
 
 
 def _check_degrees(arm: ArmModel, motion: FilteredMotion, cost: float) -> None:
@@ -110,15 +207,17 @@ def _check_degrees(arm: ArmModel, motion: FilteredMotion, cost: float) -> None:
         return
     unit = np.where(turns, np.radians(1.0), 1.0)
     if _Test(arm, replace(motion, **{name: unit * getattr(motion, name) for name in (
-            'position', 'velocity', 'acceleration')})).fit(_Hypothesis())[0] < cost:
+            'position', 'velocity', 'acceleration')})).fit(_Hypothesis()).cost < cost:
         raise RecordingError(
             'positions and velocities in degrees: as degrees, they explain the effort. '
             'Expected radians')
 
 
-def corrected(arm: ArmModel, motion: FilteredMotion) -> tuple[FilteredMotion, tuple[str, ...]]:
+def corrected(
+    arm: ArmModel, motion: FilteredMotion, has_load: bool = False,
+) -> tuple[FilteredMotion, tuple[str, ...]]:
     """Return a motion without the delay of its effort, and all causes that were found."""
-    delay, causes = find_contradictions(arm, motion)
+    delay, causes = find_contradictions(arm, motion, has_load)
     if not delay:
         return motion, causes
     return without_delay(motion, delay), (delay_text(delay), *causes)
@@ -153,7 +252,11 @@ class _Test:
         count = len(rows) / samples_per_independent_sample(motion.cutoff_hz, motion.sample_rate_hz)
         rows = rows[::max(1, len(rows) // _MOST_ROWS)]
         body, t, v = RigidBody(arm), motion.times, motion.velocity
-        load = np.abs(body.inverse_dynamics_batch(motion.position, v, motion.acceleration))
+        effort = body.inverse_dynamics_batch(motion.position, v, motion.acceleration)
+        load, removed = np.abs(effort), effort - filter_like(motion, effort)
+        # of a motion that is too fast for the filter, the effort cannot be judged
+        self.is_slow = np.median(np.std(removed, axis=0)) < UNEXPLAINED * np.median(
+            np.std(effort, axis=0))
         sliding = np.stack([
             v, *(np.tanh(v / width) for width in _WIDTHS), load * np.tanh(v / _WIDTHS[1]),
             *(presliding_state(motion.position, v, np.full(n, d)) for d in _DISTANCES)], axis=2)
@@ -170,13 +273,16 @@ class _Test:
                  for column in np.moveaxis(Y[:, :, -pseudo_inertia.COUNT:][:, :, :_LOAD], 2, 0)]
         efforts = [np.stack([np.interp(t[rows] + delay, t, column)
                              for column in motion.measured_effort.T], axis=1) for delay in DELAYS]
+        others = [np.tile(column[:, np.newaxis], n) for column in motion.measured_effort[rows].T]
         Z = np.concatenate([own, Y, np.stack(
-            [*gravity, *offsets, *loads, *efforts], axis=2)], axis=2)
+            [*gravity, *offsets, *loads, *efforts, *others], axis=2)], axis=2)
+        self.positions = q[::max(1, len(q) // _POSES)]
         self._products = np.einsum('mja,mjb->jab', Z, Z, optimize=True) / len(rows)
         self._own, self._p = own.shape[2], Y.shape[2]
-        self.gravity, self.effort = self._p, Z.shape[2] - self._own - len(DELAYS)
+        self.gravity, self._others = self._p, Z.shape[2] - self._own - n
+        self.effort = self._others - len(DELAYS)
         roots = pseudo_inertia.regularizing_roots(inertial_parameters(arm))
-        self._prior = np.concatenate(
+        self.prior = np.concatenate(
             [pseudo_inertia.parameters_of(root @ root.T) for root in roots])
         self._regularization = np.zeros((self._p, self._p))
         for i, root in enumerate(roots):
@@ -184,11 +290,12 @@ class _Test:
             part = slice(len(W) * i, len(W) * (i + 1))
             self._regularization[part, part] = W.T @ W * (
                 _ANY_LOAD if i == len(roots) - 1 else _REGULARIZATION)
-        power = self._products.diagonal(axis1=1, axis2=2)[:, -len(DELAYS):]
+        power = self._products.diagonal(axis1=1, axis2=2)[:, self._own:][
+            :, self.effort:self._others]
         self.measured = np.flatnonzero(power.min(axis=1) > 0.0).tolist()
         described = np.einsum(
-            'a,jab,b->j', self._prior, self._products[:, own.shape[2]:, own.shape[2]:][
-                :, :self._p, :self._p], self._prior)
+            'a,jab,b->j', self.prior, self._products[:, own.shape[2]:, own.shape[2]:][
+                :, :self._p, :self._p], self.prior)
         strongest = int(np.argmax(described))
         self._ratio = float(np.sqrt(
             power[strongest].max() / max(float(described[strongest]), 1e-300)))
@@ -212,6 +319,9 @@ class _Test:
             yield _Hypothesis(flipped=frozenset(self.measured))
         yield from (_Hypothesis(flipped=frozenset([j])) for j in self.measured
                     if j not in accepted.flipped)
+        if not accepted.delay:
+            yield from (_Hypothesis(swapped=pair) for pair in combinations(self.measured, 2)
+                        if not set(pair) & set(accepted.swapped))
 
     def _without_own(self, j: int, rotor: bool, sliding: bool) -> tuple[FloatArray, FloatArray]:
         """Return the products after the best own values of a joint, and these values."""
@@ -226,21 +336,29 @@ class _Test:
             self._reduced[key] = G[own:, own:] - G[own:, :own] @ values, values
         return self._reduced[key]
 
-    def fit(self, hypothesis: _Hypothesis) -> tuple[float, FloatArray]:
-        """Return the negative logarithm of the likelihood, and the values of the columns."""
-        p, y = self._p, self.effort + int(np.argmin(np.abs(DELAYS - hypothesis.delay)))
-        columns = np.array([*range(p), *hypothesis.columns, y])
-        own = self._own
+    def _efforts(self, hypothesis: _Hypothesis) -> dict[int, int]:
+        """Return the column of the effort of each measured joint."""
+        y = self.effort + int(np.argmin(np.abs(DELAYS - hypothesis.delay)))
+        pairs = list(zip(hypothesis.swapped[::2], hypothesis.swapped[1::2]))
+        partners = {**dict(pairs), **{j: i for i, j in pairs}}
+        return {j: self._others + partners[j] if j in partners else y for j in self.measured}
+
+    def fit(self, hypothesis: _Hypothesis) -> _Fit:
+        """Return the fit of a hypothesis."""
+        p, own, effort = self._p, self._own, self._efforts(hypothesis)
+        chosen = {j: np.array([*range(p), *hypothesis.columns, y]) for j, y in effort.items()}
+        size = p + len(hypothesis.columns) + 1
         gains = {j: (-1.0 if j in hypothesis.flipped else 1.0) / hypothesis.unit
                  for j in self.measured}
-        powers = {j: gain**2 * self._products[j][own + y, own + y] for j, gain in gains.items()}
+        powers = {j: gain**2 * self._products[j][own + effort[j], own + effort[j]]
+                  for j, gain in gains.items()}
         is_used = dict.fromkeys(self.measured, (True, True))
         variance = dict.fromkeys(self.measured, 0.01)  # relative to the power
-        x = np.zeros(len(columns))
+        x = np.zeros(size)
         for _ in range(12):
-            H, change = np.zeros((len(columns), len(columns))), 0.0
-            H[:p, :p], H[:p, -1] = self._regularization, self._regularization @ self._prior
-            for j in self.measured:
+            H, change = np.zeros((size, size)), 0.0
+            H[:p, :p], H[:p, -1] = self._regularization, self._regularization @ self.prior
+            for j, columns in chosen.items():
                 S = self._without_own(j, *is_used[j])[0][np.ix_(columns, columns)]
                 S[-1] *= gains[j]
                 S[:, -1] *= gains[j]
@@ -249,7 +367,7 @@ class _Test:
             x[:-1] = scale * np.linalg.solve(
                 scale[:, np.newaxis] * H[:-1, :-1] * scale + 1e-9 * np.eye(len(scale)),
                 scale * H[:-1, -1])
-            for j in self.measured:
+            for j, columns in chosen.items():
                 x[-1] = -gains[j]
                 S, values = self._without_own(j, *is_used[j])
                 G = self._products[j]
@@ -261,15 +379,15 @@ class _Test:
                 variance[j], is_used[j] = found, now
             if change < 0.02:
                 break
-        error = x[:p] - self._prior
-        return float(
-            0.5 * self._count * np.log(list(variance.values())).sum()
-            + 0.5 * error @ self._regularization @ error
-            + 0.5 * len(hypothesis.columns) * np.log(max(self._count, 1.0))), x[p:-1]
+        error, found = x[:p] - self.prior, np.array(list(variance.values()))
+        return _Fit(float(
+            0.5 * self._count * np.log(found).sum() + 0.5 * error @ self._regularization @ error
+            + 0.5 * len(hypothesis.columns) * np.log(max(self._count, 1.0))),
+            x[:p], x[p:-1], np.sqrt(found))
 
     def cost(self, hypothesis: _Hypothesis) -> float:
         """Return the cost of `fit`, ∞ if an offset of an encoder is implausibly large."""
-        cost, values = self.fit(hypothesis)
+        cost, _, values, _ = self.fit(hypothesis)
         first = self.gravity + 3
         is_offset = [first <= k < first + self.arm.joint_count for k in hypothesis.columns]
         return np.inf if (np.abs(values[is_offset]) > LARGEST_OFFSET).any() else cost
@@ -279,7 +397,7 @@ class _Test:
         if not accepted.delay:
             return 0.0
         step = float(DELAYS[1] - DELAYS[0])
-        low, middle, high = (self.fit(replace(accepted, delay=accepted.delay + change))[0]
+        low, middle, high = (self.fit(replace(accepted, delay=accepted.delay + change)).cost
                              for change in (-step, 0.0, step))
         curvature = low - 2.0 * middle + high
         return accepted.delay + (0.5 * step * (low - high) / curvature if curvature > 0.0 else 0.0)
@@ -287,7 +405,7 @@ class _Test:
     def causes(self, accepted: _Hypothesis) -> Iterator[str]:
         """Yield a sentence per accepted cause."""
         names, first = self.arm.joint_names, self.gravity
-        found = dict(zip(accepted.columns, self.fit(accepted)[1].tolist()))
+        found = dict(zip(accepted.columns, self.fit(accepted).values.tolist()))
         if accepted.unit != 1.0:
             yield ('the effort is far larger than that of the URDF: effort in mA or in another '
                    'unit than N·m (`identify --effort current`, or `effort.report_scale`)')
@@ -295,6 +413,8 @@ class _Test:
             listed = 'all joints' if accepted.flipped == set(self.measured) else ', '.join(
                 names[j] for j in sorted(accepted.flipped))
             yield f'the effort has the opposite sign at {listed}'
+        for i, j in zip(accepted.swapped[::2], accepted.swapped[1::2]):
+            yield f'the efforts of {names[i]} and {names[j]} are swapped'
         if first in found:
             g = np.asarray(self.arm.pinocchio_model.gravity.linear)
             yield _of_gravity(g, g + np.array([found[first + axis] for axis in range(3)]))
@@ -320,8 +440,10 @@ def _of_gravity(g: FloatArray, found: FloatArray) -> str:
                 'the robot compensates it')
     angle = float(np.arccos(np.clip(found @ g / np.linalg.norm(g)**2 / size, -1.0, 1.0)))
     if angle < LEAST_TILT:
-        return (f'the effort of gravity is {size:.2g} times that of the URDF: another arm, '
-                'a load, or another unit of the effort')
+        is_twice = TWICE[0] <= size <= TWICE[1]
+        return (f'the effort of gravity is {size:.2g} times that of the URDF: '
+                f'{"gravity is added twice, " if is_twice else ""}another arm, another URDF, a '
+                'load, or another unit of the effort')
     listed = ', '.join(f'{x:.3g}' for x in found)
     return (f'the base is tilted by {np.degrees(angle):.0f}°: gravity is about ({listed}) m/s² '
             'in its frame (parameter `gravity`)')

@@ -4,10 +4,10 @@
 """
 The cut-off frequency of a low-pass filter for a recorded motion, chosen from its own spectrum.
 
-The cut-off frequency has four bounds. It is well above the band of the motion, so that the filter
+The cut-off frequency has five bounds. It is well above the band of the motion, so that the filter
 does not attenuate the motion; below the frequency at which differentiated noise would dominate the
-acceleration; near the frequency from which the effort is noise; and at a safe fraction of the
-Nyquist frequency. The first bound is a factor of ten,
+acceleration; near the frequency from which the effort is noise; at a safe fraction of the Nyquist
+frequency; and where an arm is rigid. The first bound is a factor of ten,
 as in M. Gautier, "Dynamic identification of robots with power model", IEEE Int. Conf. Robotics and
 Automation, 1997.
 """
@@ -25,6 +25,8 @@ MARGIN = 10.0
 """Ratio of the cut-off to the band of the motion."""
 NOISE = 0.1
 """Accepted ratio of the RMS of noise to that of acceleration below the cut-off."""
+HIGHEST = 30.0
+"""Largest cut-off [Hz]: above it, gears and links of arms are not rigid."""
 HIGHEST_FRACTION = 0.4
 """Largest ratio of the cut-off to the Nyquist frequency."""
 WINDOW = 8.0
@@ -78,7 +80,8 @@ def choose_cutoff(
         (MARGIN * band, f'{MARGIN:g} times the band of the motion, {band:.3g} Hz'),
         (max(float(noisy_from[moving].min()), least),
          'the frequency at which noise reaches a tenth of the acceleration'),
-        (HIGHEST_FRACTION * rate_hz / 2.0, f'{HIGHEST_FRACTION:g} of the Nyquist frequency')]
+        (HIGHEST_FRACTION * rate_hz / 2.0, f'{HIGHEST_FRACTION:g} of the Nyquist frequency'),
+        (HIGHEST, 'the frequency from which on an arm is not rigid')]
     if efforts:
         end = _end_of_effort(efforts, rate_hz, moving)
         bounds.append((max(OVER_EFFORT * end, least),

@@ -19,6 +19,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
+from robot_dynamics.tools.command_line import write_file
 from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis, LimitUse
 from robot_dynamics_tools.analysis.residual import ResidualStatistics
 from robot_dynamics_tools.reporting.figures import (
@@ -207,7 +208,7 @@ def write_report(analysis: BagAnalysis, path: Path, origin: Origin) -> None:
     """
     Write the page, and the figure of efforts as PNG next to the page, with the same name.
 
-    Raises OSError, MissingDependencyError without matplotlib.
+    Raises ToolError, MissingDependencyError without matplotlib.
     """
     read, arm = analysis.recording, analysis.arm
     title = f'{read.path.name}: measured effort and model' if analysis.measured is not None else (
@@ -230,10 +231,10 @@ def write_report(analysis: BagAnalysis, path: Path, origin: Origin) -> None:
     page.section('Effort over time')
     compared = (
         'measured and modelled effort' if analysis.measured is not None else 'effort of the model')
-    path.with_suffix('.png').write_bytes(add_time_figures(
+    write_file(path.with_suffix('.png'), add_time_figures(
         page, arm, f'{arm.name}: {compared} at the recorded motion', effort_panels(analysis),
         'Measured and model effort'))
     if scatter is not None:
         page.section('Residual over velocity')
         add_figure(page, scatter, 'Residual over velocity')
-    path.write_text(page.html(), encoding='utf-8')
+    write_file(path, page.html())

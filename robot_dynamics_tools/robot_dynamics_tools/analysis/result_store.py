@@ -10,13 +10,13 @@ the same directory and then renamed, so that an existing result is always comple
 
 from dataclasses import fields, is_dataclass
 import json
-import os
 from pathlib import Path
 from types import NoneType
 from typing import Any, get_args, get_origin, get_type_hints
 import zipfile
 
 import numpy as np
+from robot_dynamics.tools.command_line import make_directory, writing
 
 _REST = 'json'
 """The entry for everything except arrays."""
@@ -25,7 +25,7 @@ _ARRAY = '__array__'
 
 
 def save_result(directory: Path, key: str, result: object) -> None:
-    """Store a result; raise OSError, or TypeError for a type that JSON does not have."""
+    """Store a result; raise ToolError, or TypeError for a type that JSON does not have."""
     arrays: dict[str, Any] = {}
 
     def stored(value: Any) -> Any:
@@ -36,11 +36,9 @@ def save_result(directory: Path, key: str, result: object) -> None:
         return {_ARRAY: name}
 
     arrays[_REST] = np.frombuffer(json.dumps(result, default=stored).encode(), np.uint8)
-    directory.mkdir(parents=True, exist_ok=True)
-    unfinished = directory / f'{key}.{os.getpid()}.part'
-    with unfinished.open('wb') as file:
+    make_directory(directory)
+    with writing(_place(directory, key)) as new, new.open('wb') as file:
         np.savez(file, **arrays)
-    unfinished.replace(_place(directory, key))
 
 
 def load_result(directory: Path, key: str) -> Any | None:

@@ -13,10 +13,9 @@ from robot_dynamics.dependencies import optional
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis
 from robot_dynamics_tools.analysis.motion_filter import FilteredMotion
-from robot_dynamics_tools.recordings.bag_files import METADATA
 from robot_dynamics_tools.recordings.messages import joint_state_messages, stamped_messages
 from robot_dynamics_tools.recordings.topics import DYNAMICS_TERMS, JOINT_STATE
-from robot_dynamics_tools.recordings.writer import RecordingWriter
+from robot_dynamics_tools.recordings.writer import RecordingWriter, remove_recording
 
 TERMS_TOPIC, RESIDUAL_TOPIC = '/dynamics/terms', '/dynamics_monitor/residual'
 _ROWS = 1000
@@ -81,7 +80,7 @@ def write_terms(analysis: BagAnalysis, directory: Path) -> None:
     Topics are those of `dynamics_node`. A recording of this name that this function wrote before
     is replaced. Raises RecordingError if the directory contains anything else.
     """
-    _remove_recording(directory)
+    remove_recording(directory)
     motion, terms, names = analysis.motion, analysis.terms, analysis.arm.joint_names
     written = {(TERMS_TOPIC, DYNAMICS_TERMS): stamped_messages(
         DYNAMICS_TERMS, motion.stamps_ns, {
@@ -96,11 +95,3 @@ def write_terms(analysis: BagAnalysis, directory: Path) -> None:
             writer.add_topic(topic, kind)
             for stamp, message in zip(motion.stamps_ns.tolist(), messages):
                 writer.write(topic, stamp, message)
-
-
-def _remove_recording(directory: Path) -> None:
-    names = {METADATA, f'{directory.name}.mcap'}
-    if directory.is_dir() and {entry.name for entry in directory.iterdir()} <= names:
-        for name in names:
-            (directory / name).unlink(missing_ok=True)
-        directory.rmdir()

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from robot_dynamics.model_check.html_page import Origin
+from robot_dynamics.tools import command_line
 from robot_dynamics_tools.analysis import sample_files
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
 from robot_dynamics_tools.analysis.bag_analysis import analyze_recording, LimitUse
@@ -68,19 +69,20 @@ def analyze_task(
     Analyse a recording, and write the outputs of the task.
 
     `on_step` is called with the STEPS of `bag_analysis` and of each output when it is done.
-    Raises the errors of `analyze_recording`, and OSError.
+    Raises the errors of `analyze_recording`, and ToolError.
     """
     analysis = analyze_recording(bag, task.settings, on_step)
     directory = Path(task.directory)
     written: list[str] = []
     for name in task.outputs:
-        directory.mkdir(parents=True, exist_ok=True)
+        command_line.make_directory(directory)
         if name == REPORT:
             write_report(analysis, directory / name, task.origin)
         elif name == TERMS:
             sample_files.write_terms(analysis, directory / name)
         else:
-            _WRITERS[name](sample_files.sample_columns(analysis), directory / name)
+            with command_line.writing(directory / name) as new:
+                _WRITERS[name](sample_files.sample_columns(analysis), new)
         written += [str(directory / each) for each in (
             (REPORT, PICTURE) if name == REPORT else (name,))]
         on_step(name)

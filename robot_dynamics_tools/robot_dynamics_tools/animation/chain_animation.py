@@ -65,7 +65,7 @@ class _Animation:
     def frames(self, stops: Sequence[float], speed: float) -> Iterator[Frame]:
         motion, n = self._motion, len(self._joints)
         height = PANEL_HEIGHT * max(n + 1, 3)
-        with styled_figure(WIDTH, height, None) as figure:
+        with styled_figure(WIDTH, height, None, {'text.parse_math': True}) as figure:
             figure.set_dpi(DPI)
             self._lay_out(figure, n)
             period = float(np.median(np.diff(motion.times))) / speed if (
@@ -86,7 +86,8 @@ class _Animation:
         stage.set_anchor('N')
         self._stage = chain_stage.ChainStage(stage, self._view.reach(), self._view.upright_at_zero)
         self._headline = figure.text(
-            0.012, 1.0 - 0.09 / height, '', ha='left', va='top', fontsize=13, fontweight='bold')
+            0.012, 1.0 - 0.09 / height, '', ha='left', va='top', fontsize=13, fontweight='bold',
+            parse_math=False)
         self._clock = figure.text(
             0.985, 1.0 - 0.12 / height, '', ha='right', va='top', fontsize=11, color=GREY)
         self._caption = stage.annotate(

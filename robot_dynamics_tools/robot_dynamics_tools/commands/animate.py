@@ -85,7 +85,7 @@ def _run(arguments: argparse.Namespace) -> int:
     arm, series = _read_recording(arguments) if recorded else (
         arm_from_urdf(options.read_robot(arguments.urdf), arguments.joints), None)
     PlanarView(arm)  # before the work, because it may reject the arm
-    output = arguments.output or Path('out', f'{arm.name}.gif')
+    output = arguments.output or options.default_output(arm.name, '.gif')
     command_line.prepare_file(output, arguments.force)
     if series is not None:
         motion = _recorded_motion(arm, series, arguments, duration, rate / speed)
@@ -96,8 +96,9 @@ def _run(arguments: argparse.Namespace) -> int:
     title = 'Double pendulum' if not recorded and arguments.urdf is None else motion.arm.name
     print(f'Drawing {len(motion.times)} instants of {arm.name} ...', flush=True)
     frames = chain_frames(motion, stops, speed, title)
-    with Progress(frame_count(motion, stops), 'frames') as progress, command_line.writing(output):
-        count = write_video(output, _counted(frames, progress))
+    with (Progress(frame_count(motion, stops), 'frames') as progress,
+            command_line.writing(output) as new):
+        count = write_video(new, _counted(frames, progress))
     print(f'{output.resolve()}: {count} frames, {output.stat().st_size / 1e6:.2f} MB')
     return command_line.DONE
 

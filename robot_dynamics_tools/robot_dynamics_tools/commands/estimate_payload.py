@@ -22,6 +22,7 @@ from robot_dynamics_tools.recordings.bag_files import find_recordings
 from robot_dynamics_tools.recordings.sample_faults import counted
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.reporting.text_table import text_table
+from robot_dynamics_tools.unknown_drives import SCALE_DEVIATION
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -32,6 +33,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--link', required=True, metavar='NAME',
         help='Link to which the unknown body is attached; the URDF must not contain the body')
     options.add_cutoff(parser, '5, or less for slow joint states')
+    parser.add_argument('--scale-deviation', **options.number(
+        None, 'SHARE', 'Relative standard deviation of the effort scales, unless --parameters has '
+        f'effort.report_covariance; 0 for exact efforts (default: {SCALE_DEVIATION:g}, or 0 with '
+        'effort.report_scale in --parameters)',
+        options.number_in(0.0, 1.0)))
     options.add_parameters(parser, 'joints, gravity, friction, motors, measured_effort')
     parser.add_argument(
         '--json', action='store_true', help='Print the result as JSON instead of text')
@@ -42,7 +48,8 @@ def _run(arguments: argparse.Namespace) -> int:
     bags = find_recordings(arguments.bags)
     settings = options.read_settings(arguments)
     with Progress(len(bags), 'recordings') as progress:
-        found = estimate_from_bags(bags, arguments.link, settings, progress.advance)
+        found = estimate_from_bags(
+            bags, arguments.link, settings, progress.advance, arguments.scale_deviation)
     if arguments.json:
         print(json.dumps({
             **summary.as_dictionary(found.estimate),

@@ -81,7 +81,8 @@ def _run(arguments: argparse.Namespace) -> int:
             dynamics, limits, arguments.harmonics, arguments.duration, arguments.seed,
             lambda fraction: progress.update(fraction * GENERATIONS))
     found = exciting_trajectory(excitation, dynamics, arguments.lead)
-    write_trajectory(arguments.output, found.trajectory)
+    with command_line.writing(arguments.output) as new:
+        write_trajectory(new, found.trajectory)
     _report(arm, excitation, found)
     print(f'Trajectory         {arguments.output}')
     print('Collisions are not checked. Run the trajectory slowly first.')

@@ -22,7 +22,7 @@ from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
 from robot_dynamics_tools.analysis.batch import run_tasks
 from robot_dynamics_tools.identification import bag_identification, summary
-from robot_dynamics_tools.identification.pipeline import STAGES
+from robot_dynamics_tools.identification.pipeline import Observability, STAGES
 from robot_dynamics_tools.identification.report import file_notes, FILES, write_identification
 from robot_dynamics_tools.recordings.bag_files import find_recordings
 from robot_dynamics_tools.reporting.progress import Progress
@@ -57,6 +57,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     options.add_parameters(
         parser, 'joints, gravity, motors, measured_effort, '
                 'effort.report_scale, effort.report_offset')
+    parser.add_argument(
+        '--dry-run', action='store_true',
+        help='Read the recordings once, print what they determine, and write nothing')
     options.add_output(
         parser, 'DIR', 'Output directory (default: %(default)s)', Path('identified'))
     options.add_workers(parser)
@@ -80,8 +83,10 @@ def _payload(text: str) -> tuple[str, str, tuple[float, ...]]:
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     bags = find_recordings(arguments.bags)
-    settings = replace(
-        options.read_settings(arguments), effort_is_current=arguments.effort == 'current')
+    settings = options.read_settings(arguments)
+    is_current = True if settings.seeks_stiffness or arguments.effort == 'current' else (
+        None if arguments.effort == 'auto' else False)
+    settings = replace(settings, effort_is_current=bool(is_current))
     payloads = [
         (recording, make_payload(link, values[0], values[1:] or (0.0, 0.0, 0.0)))
         for recording, link, values in arguments.payload]
@@ -96,17 +101,23 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
                 f'{[bag.name for bag in bags]}')
         identification.arm((), recording)  # report a mistake before the recordings are read
     samples = [f'test_samples_{bag.stem}.csv' for bag in bags if arguments.samples]
-    directory = options.prepare_directory(
-        arguments.output, [arguments.output / name for name in (*FILES, *samples)], arguments)
-    kept = directory if len(bags) > 1 else None
+    kept = None
+    if not arguments.dry_run:
+        for name in (*FILES, *samples):
+            command_line.prepare_file(arguments.output / name, arguments.force)
+        directory = options.prepare_directory(arguments.output, [], arguments)
+        kept = directory if len(bags) > 1 else None
     with Progress(3 * len(bags) + 2, 'steps') as progress:
         found = bag_identification.identify_bags(
             bags, identification, partial(
                 run_tasks, workers=arguments.jobs, cache=kept, dask=arguments.dask,
                 on_done=progress.advance),
-            None if arguments.effort == 'auto' else arguments.effort == 'current',
+            is_current,
             lambda stage: progress.advance() if stage in (STAGES[1], STAGES[3]) else None,
-            arguments.samples)
+            arguments.samples, arguments.dry_run)
+    if isinstance(found, Observability):
+        options.print_list('Observable:', summary.observable_lines(found))
+        return command_line.DONE
     paths = write_identification(
         found, settings.urdf, arguments.output, settings.parameters,
         command_line.origin_of('identify', argv, arguments.urdf, ''))

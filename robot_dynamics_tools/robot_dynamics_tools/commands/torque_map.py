@@ -15,7 +15,6 @@ cannot be used.
 
 import argparse
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -95,20 +94,19 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     arm.link_frame(link, '--link')
     load = f', {arguments.payload:g} kg on {link}' if arguments.payload else ''
     arm = arm.with_payloads([make_payload(link, arguments.payload)])
-    output = arguments.output or Path('out', f'{arm.name}_{arguments.what}.png')
+    output = arguments.output or options.default_output(arm.name, f'_{arguments.what}.png')
     command_line.prepare_file(output, arguments.force)
     with Progress(STEPS, 'steps') as progress:
         draw = _workspace if arguments.what == WORKSPACE else _map
         figure, said, verdicts = draw(arguments, arm, load, progress.advance)
         progress.advance()
-        with command_line.writing(output):
-            if output.suffix.lower() == PAGE:
-                origin = command_line.origin_of('torque_map', argv, arguments.urdf, DEFAULT_ARM)
-                output.write_text(map_page(
-                    f'{arm.name}{load}: {arguments.what}', verdicts, figure, origin),
-                    encoding='utf-8')
-            else:
-                save_figure(figure, output)
+        if output.suffix.lower() == PAGE:
+            origin = command_line.origin_of('torque_map', argv, arguments.urdf, DEFAULT_ARM)
+            command_line.write_file(output, map_page(
+                f'{arm.name}{load}: {arguments.what}', verdicts, figure, origin))
+        else:
+            with command_line.writing(output) as new:
+                save_figure(figure, new)
         progress.advance()
     print(f'{output.resolve()}: {said}')
     return command_line.DONE

@@ -90,12 +90,9 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     if arguments.viewer is not None:
         require('demo --viewer', 'viser')
     urdf = None if arguments.robot is None else options.read_robot(arguments.robot, '--robot')
-    try:
-        directory = _make_directory(arguments.out)
-    except OSError as error:
-        raise InvalidInputError(f'--out: {command_line.os_error_text(error)}') from None
+    directory = _make_directory(arguments.out)
     print(f'Writing to {directory}', flush=True)
-    from robot_dynamics_tools.demo.processes import choose_domain
+    from robot_dynamics_tools.processes import choose_domain
     os.environ.update(choose_domain(os.environ))
     default = 'the planar two-link arm of this package' if arguments.replay is None else (
         'robot_description of the recording, or else the planar two-link arm of this package')
@@ -169,18 +166,20 @@ def _replay(
 def _written(urdf: str, directory: Path) -> str:
     """Return a URDF, and write it into `directory`."""
     from robot_dynamics_tools.demo.session import DESCRIPTION
-    (directory / DESCRIPTION).write_text(urdf, encoding='utf-8')
+    command_line.write_file(directory / DESCRIPTION, urdf)
     return urdf
 
 
 def _make_directory(wanted: Path | None) -> Path:
     """Return a new or empty directory: the requested one, or a new one in it or in out/."""
     if wanted is not None:
-        wanted.mkdir(parents=True, exist_ok=True)
+        if wanted.is_file():
+            raise InvalidInputError(
+                f'--out: {str(wanted)!r} cannot be used: it is a file, expected a directory')
+        command_line.make_directory(wanted)
         if not any(wanted.iterdir()):
             return wanted
     parent = wanted or Path('out')
-    parent.mkdir(exist_ok=True)
     directory = parent / f'demo-{datetime.now():%Y%m%d-%H%M%S-%f}'
-    directory.mkdir()
+    command_line.make_directory(directory)
     return directory

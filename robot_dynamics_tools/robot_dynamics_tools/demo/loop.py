@@ -14,7 +14,7 @@ from rclpy.qos import QoSProfile
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.middleware.conversions import stamp_to_ros, trajectory_to_ros
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics_tools.demo import processes
+from robot_dynamics_tools import processes
 from robot_dynamics_tools.demo.session import DESCRIPTION, recording_session, Session
 from robot_dynamics_tools.excitation.demo_motion import ReferenceMotion
 from robot_dynamics_tools.recorder import TopicSpec
@@ -67,7 +67,7 @@ def run_closed_loop(
     trajectory, so that the recording contains the motion and little else. With the arguments of a
     `viewer` the motion waits until its page is open, and the loop continues after the motion until
     an interrupt. Raises
-    DemoError if the loop does not close, ModelError if the arm cannot be simulated.
+    NodeError if the loop does not close, ModelError if the arm cannot be simulated.
     """
     ArmSimulation(arm).check_inertia()  # before any process is started
     run = LoopRun(motion, rate)
@@ -178,7 +178,7 @@ def _follow(session: Session, run: LoopRun) -> None:
             if commands.received > efforts:
                 efforts, newest = commands.received, time.monotonic()
             elif time.monotonic() - newest > session.timeout:
-                raise processes.DemoError(
+                raise processes.NodeError(
                     f'{session.timeout:g} s passed without an effort on effort_command.\n'
                     f'{session.processes.logs()}')
     # On a busy machine the efforts for the last states arrive later than these states.

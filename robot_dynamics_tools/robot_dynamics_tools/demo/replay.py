@@ -12,8 +12,8 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, stamp_to_ros
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
-from robot_dynamics_tools.demo.processes import DemoError, DYNAMICS
 from robot_dynamics_tools.demo.session import DESCRIPTION, recording_session, Session
+from robot_dynamics_tools.processes import DYNAMICS, NodeError
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.reporting.progress import Progress
@@ -56,7 +56,7 @@ def play_recording(
     Play the recorded states to the node, and record all topics.
 
     Returns the settings for the analysis of this recording. Raises RobotDynamicsError if arm and
-    recording do not match, DemoError if the node fails.
+    recording do not match, NodeError if the node fails.
     """
     arm = _recorded_arm(urdf, recorded)
     joints = list(arm.joint_names)
@@ -104,7 +104,7 @@ class Playback:
         Play all samples, at most at `rate` [Hz] (None: as fast as the node responds).
 
         Returns what was played, in a line. `on_progress` receives the number of played samples.
-        Raises DemoError if a state gets no response, or the node ends.
+        Raises NodeError if a state gets no response, or the node ends.
         """
         start, resent = time.monotonic(), 0
         for i in range(len(self._series.stamps_ns)):
@@ -132,7 +132,7 @@ class Playback:
             self._publisher.publish(state)
             if self._receive_until(time.monotonic() + RESEND_PERIOD, stamp):
                 return resent
-        raise DemoError(
+        raise NodeError(
             f'the state of stamp {stamp} ns got no answer on {Session.GRAVITY} in '
             f'{MOST_RESENT * RESEND_PERIOD:g} s.\n{self._session.processes.logs()}')
 

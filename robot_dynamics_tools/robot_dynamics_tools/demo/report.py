@@ -12,6 +12,7 @@ from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
+from robot_dynamics.tools.command_line import write_file
 from robot_dynamics_tools.demo.loop import LoopRun
 from robot_dynamics_tools.demo.session import Session
 from robot_dynamics_tools.excitation.demo_motion import sample_trajectory
@@ -148,7 +149,7 @@ def loop_panels(report: LoopReport) -> tuple[Panel, ...]:
 def write_loop_page(
     report: LoopReport, run: LoopRun, picture: Path, path: Path, origin: Origin,
 ) -> None:
-    """Write the report of a closed loop, and its figure as `picture`; raise OSError."""
+    """Write the report of a closed loop, and its figure as `picture`; raise ToolError."""
     name = report.arm.name
     page = Page(f'{name}: closed loop', loop_verdicts(report), RULE, origin)
     page.section('Tracking error')
@@ -156,11 +157,11 @@ def write_loop_page(
     page.section('Rates')
     page.items(' '.join(line.split()) for line in rate_lines(report, run))
     page.section('Position, tracking error and effort over time')
-    picture.write_bytes(add_time_figures(
+    write_file(picture, add_time_figures(
         page, report.arm,
         f'{name}: reference and measured position, and the commanded effort by term',
         loop_panels(report), 'Position, tracking error and effort by term'))
-    path.write_text(page.html(), encoding='utf-8')
+    write_file(path, page.html())
 
 
 def loop_verdicts(report: LoopReport) -> list[Verdict]:

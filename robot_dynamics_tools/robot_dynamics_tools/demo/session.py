@@ -12,7 +12,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import InertiaStamped
 from robot_dynamics_interfaces.msg import DynamicsTerms
-from robot_dynamics_tools.demo.processes import DemoError, Nodes
+from robot_dynamics_tools.processes import NodeError, Nodes
 from robot_dynamics_tools.recorder import Recorder, TopicSpec, write_description
 from robot_dynamics_tools.recordings.topics import ROBOT_DESCRIPTION, TopicQos
 from robot_dynamics_tools.recordings.writer import RecordingWriter
@@ -65,24 +65,24 @@ class Session(DynamicsClient):
             super().__exit__(*error)
 
     def on_turn(self) -> None:
-        """Record the waiting messages; raise DemoError if a node has ended."""
+        """Record the waiting messages; raise NodeError if a node has ended."""
         self.processes.check()
         super().on_turn()
 
     def wait_for(self, condition: Callable[[], object], what: str) -> None:
-        """Record until `condition` holds; raise DemoError at START_TIMEOUT or if a node ends."""
+        """Record until `condition` holds; raise NodeError at START_TIMEOUT or if a node ends."""
         if not self.wait(condition):
-            raise DemoError(f'{START_TIMEOUT:g} s passed without {what}.\n{self.processes.logs()}')
+            raise NodeError(f'{START_TIMEOUT:g} s passed without {what}.\n{self.processes.logs()}')
 
     def call(self, service_type: type, name: str, request: object) -> Any:
-        """Return the response of a service; raise DemoError without one."""
+        """Return the response of a service; raise NodeError without one."""
         try:
             return super().call(service_type, name, request)
         except NoAnswerError as error:
-            raise DemoError(f'{error}.\n{self.processes.logs()}') from None
+            raise NodeError(f'{error}.\n{self.processes.logs()}') from None
 
     def record(self) -> None:
-        """Record for a moment; raise DemoError if a node has ended."""
+        """Record for a moment; raise NodeError if a node has ended."""
         self.wait(lambda: False, DRAIN_PERIOD)
 
 

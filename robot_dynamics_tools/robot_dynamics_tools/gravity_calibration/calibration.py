@@ -27,13 +27,12 @@ from robot_dynamics_tools.estimated_weights import NORMAL
 from robot_dynamics_tools.gravity_calibration import scale_fit, tool_estimate
 from robot_dynamics_tools.gravity_calibration.gravity_model import gravity_regressor, link_columns
 from robot_dynamics_tools.gravity_calibration.holds import Hold, pair_holds, PairedHolds
+from robot_dynamics_tools.unknown_drives import unknown_drives
 
 LEAST_POSES = 4
 """Smallest number of poses that a joint must approach from both sides."""
 UNOBSERVABLE = 0.1
 """Relative standard deviation from which on a scale is not observable."""
-UNKNOWN_OFFSET = 0.05
-"""Standard deviation of an unknown offset, relative to the effort limit."""
 _SAME = 1e-9
 """Relative singular value below which gravity parameters have no effect on the poses."""
 
@@ -67,8 +66,8 @@ class Calibration:
 
     They have half widths of the 95 % intervals (n,), infinite if kept, and the `covariance`
     (2n, 2n) of all scales, then all offsets, which is never infinite: a scale that is kept has the
-    relative deviation TYPICAL_SCALE_ERROR, an offset UNKNOWN_OFFSET. Few residuals enlarge it as
-    the intervals, so that ±1.96 deviations contain the truth in 95 %.
+    deviation of `unknown_drives`, and so has an offset. Few residuals enlarge it as the
+    intervals, so that ±1.96 deviations contain the truth in 95 %.
     A joint that `is_observable` does not mark keeps its previous scale; one with fewer than
     LEAST_POSES poses (`pose_count`) also keeps its previous offset. `noise` is the standard
     deviation of the effort at a pose, `torque_range` the range of the gravity torque in the poses,
@@ -171,10 +170,9 @@ def _covariance(
     slope = ratio * np.concatenate([-scale**2, np.ones(n)])
     limit = np.where(np.isfinite(arm.limits.effort), arm.limits.effort,
                      np.abs(seen.effort).max(axis=0))
-    unknown = np.concatenate([scale_fit.TYPICAL_SCALE_ERROR * scale, UNKNOWN_OFFSET * limit])
     return np.asarray(np.where(
         np.outer(is_known, is_known), fit.covariance[:2 * n, :2 * n] * np.outer(slope, slope),
-        np.diag(unknown**2)))
+        unknown_drives(scale, limit)))
 
 
 def _observations(

@@ -14,12 +14,16 @@ from robot_dynamics.joints.effort_convention import joint_effort_at_rest
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.model.payload import Payload
-from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_for_arm
+from robot_dynamics_tools.analysis.arm_recording import (
+    AnalysisSettings,
+    open_recording,
+    read_for_arm,
+)
 from robot_dynamics_tools.gravity_calibration.calibration import calibrate_holds, Calibration
 from robot_dynamics_tools.gravity_calibration.holds import find_holds, Hold
 from robot_dynamics_tools.gravity_calibration.tool_estimate import Tool
 from robot_dynamics_tools.recordings.joint_series import JointSeries
-from robot_dynamics_tools.recordings.reader import Recording
+from robot_dynamics_tools.recordings.tables import TableRecording
 
 COMMAND = 'effort_command'
 """The topic of the command, in any namespace."""
@@ -122,7 +126,9 @@ def _read(bag: Path, settings: AnalysisSettings) -> RecordedHolds:
 
 def _command(bag: Path, series: JointSeries) -> FloatArray | None:
     """Return the command (m, n) at the samples of a recording, None without one for each."""
-    with Recording(bag) as recording:
+    with open_recording(bag) as recording:
+        if isinstance(recording, TableRecording):
+            return None
         topics = [topic.name for topic in recording.topics
                   if topic.name.endswith(COMMAND) and topic.message_count]
         if len(topics) != 1:

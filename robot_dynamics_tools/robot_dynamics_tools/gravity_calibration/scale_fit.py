@@ -19,9 +19,8 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics_tools.estimated_weights import estimated_weights
 from robot_dynamics_tools.least_squares import decomposed, LOST
+from robot_dynamics_tools.unknown_drives import SCALE_DEVIATION
 
-TYPICAL_SCALE_ERROR = 0.3
-"""Standard deviation of 1/s about its assumed value, at a joint without observable scale."""
 _STEPS, _ROUNDS = 30, 6
 _CONVERGED = 1e-13
 _ROUNDING = 1e-12
@@ -124,7 +123,7 @@ def fit_scales(seen: Observations, assumed: FloatArray) -> ScaleFit:
     """
     Return the fit.
 
-    k is pulled to `assumed` (n,) with TYPICAL_SCALE_ERROR, and is free where that is NaN.
+    k is pulled to `assumed` (n,) with SCALE_DEVIATION, and is free where that is NaN.
     """
     n = seen.effort.shape[1]
     values = _first_values(seen)
@@ -174,7 +173,7 @@ def _weighted_jacobian(
     n = len(noise)
     J = effort_jacobian(values[:n], values[2 * n:], seen) / noise[:, None]
     J *= seen.is_used[:, :, None]
-    pull = np.eye(n, J.shape[2]) * np.isfinite(assumed)[:, None] / TYPICAL_SCALE_ERROR
+    pull = np.eye(n, J.shape[2]) * np.isfinite(assumed)[:, None] / SCALE_DEVIATION
     return _without_rounding(np.concatenate([J.reshape(-1, J.shape[2]), pull]))
 
 
@@ -186,7 +185,7 @@ def _minimise(
     for _ in range(_STEPS):
         r = np.concatenate([
             (_residual(seen, values) / noise).ravel(),
-            np.nan_to_num(assumed - values[:n]) / TYPICAL_SCALE_ERROR])
+            np.nan_to_num(assumed - values[:n]) / SCALE_DEVIATION])
         step = decomposed(_weighted_jacobian(seen, assumed, noise, values)).inverse @ r
         values += step
         if (np.abs(step) <= _CONVERGED * (1.0 + np.abs(values))).all():

@@ -33,7 +33,7 @@ from robot_dynamics_tools.gravity_motion.preview import preview
 from robot_dynamics_tools.gravity_motion.watch import ArmWatch, Publish
 from robot_dynamics_tools.recorder import Recorder, write_description
 from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm, uninterrupted
-from robot_dynamics_tools.recordings.writer import RecordingWriter
+from robot_dynamics_tools.recordings.writer import prepare_recording, RecordingWriter
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, RefusedError
 from robot_dynamics_tools.ros2_dynamics.move import goal_publication
@@ -85,9 +85,7 @@ def record_holds(request: MotionRequest) -> str | None:
     if the arm cannot move, ToolError after an error during the motion.
     """
     for output in request.outputs:
-        if output.exists():
-            raise InvalidInputError(
-                f'--recording is {str(output)!r}, which exists; expected a new directory')
+        prepare_recording(output, '--recording')
     if not (request.previews or request.is_confirmed or sys.stdin.isatty()):
         raise InvalidInputError(
             'standard input is no terminal, expected one for the confirmation, or --yes')

@@ -13,7 +13,6 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.tools.command_line import ToolError
-from robot_dynamics_tools.gravity_calibration.holds import per_joint
 from robot_dynamics_tools.gravity_motion.plan import Move
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.move import MotionWatch
@@ -22,8 +21,6 @@ from trajectory_msgs.msg import JointTrajectory
 
 WATCH_TIME = 1.0
 """[s] in which another client of the node is noticed before the arm moves."""
-STILL = 2e-3, 4e-4
-"""[rad], [m]: displacement within which a joint is at rest."""
 SETTLE_TIME = 20.0
 """[s] by the stamps, within which the arm comes to rest at a pose."""
 LATE_FACTOR, LATE_TIME = 10.0, 30.0
@@ -36,8 +33,8 @@ class ArmWatch(MotionWatch):
 
     def __init__(self, client: DynamicsClient, arm: ArmModel) -> None:
         """Watch the joints of the node that `client` speaks to."""
-        super().__init__(client, arm.joint_names, arm.is_continuous.tolist())
-        self._arm, self._still = arm, per_joint(STILL, arm.joint_kinds)
+        super().__init__(client, arm.joint_names, arm.joint_kinds)
+        self._arm = arm
         self._newest_ns, self._newest = -1, time.monotonic()
         self._late_ns: float = np.inf
         self._has_effort = False
@@ -58,7 +55,7 @@ class ArmWatch(MotionWatch):
 
     def check_free(self) -> None:
         """Raise ToolError if another client moves the arm or sends goals, or without efforts."""
-        client, topic = self._client, self._client.resolve('~/joint_trajectory')
+        client, topic = self.client, self.client.resolve('~/joint_trajectory')
         moves, goals = False, list[JointTrajectory]()
 
         def is_used() -> bool:
@@ -99,30 +96,23 @@ class ArmWatch(MotionWatch):
 
         The arm may rest at a distance from its goal (n,), at most the `tolerance` (n,), if any.
         """
-        anchor, start_ns = np.array(self.measured()), self.position_ns
-        since_ns = start_ns
-        restless = np.zeros(len(anchor), dtype=bool)
+        resting_since, start_ns = self.rest(), self.position_ns
 
         def has_rested() -> bool:
-            nonlocal anchor, since_ns, restless
             self.check_following()
             assert self.reference is not None
             if not self.is_at(goal.tolist(), self.reference[1]):
                 raise ToolError('another reference replaced that of the calibration')
-            q = np.array(self.measured())
-            moved = np.abs(self.error(anchor.tolist(), q.tolist())) > self._still
-            if moved.any():
-                anchor, since_ns, restless = q, self.position_ns, moved
-            if self.position_ns - since_ns >= 1e9 * seconds:
+            if self.position_ns - resting_since() >= 1e9 * seconds:
                 return True
             if self.position_ns - start_ns > 1e9 * (seconds + SETTLE_TIME):
-                names = [name for name, one in zip(self._arm.joint_names, restless) if one]
+                names = [name for name, one in zip(self.names, self.restless) if one]
                 raise ToolError(
                     f'{", ".join(names)} did not come to rest in {SETTLE_TIME:g} s: the position '
-                    f'changes by more than {float(self._still[restless][0]):g}')
+                    f'changes by more than {float(self.still[self.restless][0]):g}')
             return False
 
-        self._client.wait(has_rested, np.inf)
+        self.client.wait(has_rested, np.inf)
         if tolerance is not None:
             self._check_arrived(goal, tolerance)
 
@@ -132,10 +122,10 @@ class ArmWatch(MotionWatch):
         now = time.monotonic()
         if self.position_ns != self._newest_ns:
             self._newest_ns, self._newest = self.position_ns, now
-        elif now - self._newest > self._client.timeout:
+        elif now - self._newest > self.client.timeout:
             raise NoAnswerError(
-                f'no joint state with a new stamp on {self._client.joint_state_topic()} for '
-                f'{self._client.timeout:g} s')
+                f'no joint state with a new stamp on {self.client.joint_state_topic()} for '
+                f'{self.client.timeout:g} s')
         if self.position_ns > self._late_ns:
             raise ToolError('the reference did not reach its goal in time')
 

@@ -32,6 +32,8 @@ from robot_dynamics_tools.identification.joint_excitation import LEAST_TRAVEL
 from robot_dynamics_tools.identification.pipeline import (
     Identification,
     identify_recordings,
+    Observability,
+    observability,
     Recordings,
 )
 from robot_dynamics_tools.identification.qr_information import QrInformation
@@ -107,24 +109,26 @@ class BagIdentification:
     An identification, and the files of its recordings.
 
     `bags` are the recordings of `identification.recordings`, `failed` are the other recordings
-    with their errors.
+    with their errors. With `seeks_stiffness`, the gains are the stiffness of position drives.
     """
 
     identification: Identification
     bags: tuple[Path, ...]
     failed: tuple[tuple[Path, str], ...]
+    seeks_stiffness: bool = False
 
 
 def identify_bags(
     bags: Sequence[Path], settings: IdentificationSettings, run: TaskRunner,
     effort_is_current: bool | None = None, on_stage: Callable[[str], None] = lambda _: None,
-    keeps_samples: bool = False,
-) -> BagIdentification:
+    keeps_samples: bool = False, dry_run: bool = False,
+) -> BagIdentification | Observability:
     """
     Return the identification of an arm from recordings on disk, like `identify_recordings`.
 
-    A recording that fails in a step is excluded from the later steps. Raises RecordingError if
-    all fail, and the errors of `identify_recordings`.
+    With `dry_run`, return only what a first pass determines. A recording that fails in a step is
+    excluded from the later steps. Raises RecordingError if all fail, and the errors of
+    `identify_recordings`.
     """
     left, failed = list(bags), dict[Path, str]()
 
@@ -141,7 +145,9 @@ def identify_bags(
                 f'{bag.name}: {error}' for bag, error in failed.items()))
         return [result for _, result in done]
 
-    identification = identify_recordings(
-        Recordings(settings.arm, partial(results, reduce_task), partial(results, evaluate_task)),
-        effort_is_current, on_stage, keeps_samples)
-    return BagIdentification(identification, tuple(left), tuple(failed.items()))
+    recordings = Recordings(
+        settings.arm, partial(results, reduce_task), partial(results, evaluate_task))
+    found = observability(recordings, effort_is_current) if dry_run else identify_recordings(
+        recordings, effort_is_current, on_stage, keeps_samples)
+    return found if isinstance(found, Observability) else BagIdentification(
+        found, tuple(left), tuple(failed.items()), settings.analysis.seeks_stiffness)

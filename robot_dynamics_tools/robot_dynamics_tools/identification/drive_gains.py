@@ -12,11 +12,16 @@ Source: M. Gautier, S. Briot, "Global identification of joint drive gains and dy
 robots", J. Dynamic Systems, Measurement, and Control 136(5), 2014.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics_tools.identification.friction_regressor import PAYLOAD, structure
+from robot_dynamics_tools.identification.friction_regressor import (
+    COLUMN_NAMES,
+    PAYLOAD,
+    structure,
+)
 from robot_dynamics_tools.identification.qr_information import QrInformation
 from robot_dynamics_tools.identification.regularized_fit import Prior
 from robot_dynamics_tools.least_squares import decomposed
@@ -30,24 +35,31 @@ MASS_ERROR = 0.2
 """Assumed relative error of the masses and inertias of the URDF."""
 LEAST_TOTAL_CERTAINTY = 2.0
 """Smallest ratio of K to its standard deviation with errors of the masses."""
+SEEMS_OFF = 2.0
+"""A drive gain that differs from 1 by more than this factor suggests a unit other than N·m."""
 CONFOUNDED = 2.0
 """Ratio of both deviations above which a gain is confounded with the masses of the URDF."""
 _ITERATIONS = 3
 _FRICTION = structure('sigmoid 0.03').columns
+_DRY = 1 + _FRICTION.index(COLUMN_NAMES.index('sigmoid 0.03'))
+"""Place of dry friction among the load and these columns."""
 
 
 class GainEstimate(NamedTuple):
     """
     Gains K (n,) and their standard deviations (n,), in joint effort per unit of recorded effort.
 
-    `deviation` includes errors of the masses of the URDF, `noise` (n,) does not. `is_known` (n,)
-    is false for joints whose K is not identifiable from the recorded motion.
+    A gain is negative if the effort has the opposite sign. `deviation` includes errors of the
+    masses of the URDF, `noise` (n,) does not. `is_known` (n,) is false for joints whose K is not
+    identifiable from the recorded motion. `sign` (n,) is ±1, from the friction, which opposes the
+    motion, where the load does not determine it.
     """
 
     gain: FloatArray
     deviation: FloatArray
     is_known: BoolArray
     noise: FloatArray
+    sign: FloatArray
 
     @property
     def is_confounded(self) -> BoolArray:
@@ -56,8 +68,8 @@ class GainEstimate(NamedTuple):
 
     @property
     def scale(self) -> FloatArray:
-        """The gains (n,), 1 for a joint whose gain is not known."""
-        return np.where(self.is_known, self.gain, 1.0)
+        """The gains (n,), ±1 for a joint whose gain is not known."""
+        return np.where(self.is_known, self.gain, self.sign)
 
     @property
     def differ(self) -> bool:
@@ -67,10 +79,31 @@ class GainEstimate(NamedTuple):
         Wrong masses in the URDF at one or two joints, or a common factor of all masses, do not
         have this effect.
         """
-        sizes = np.log(self.gain[self.is_known])
+        sizes = np.log(np.abs(self.gain[self.is_known]))
         if len(sizes) < LEAST_JOINTS:
             return False
         return bool(np.median(np.abs(sizes - np.median(sizes))) > np.log(LARGEST_RATIO))
+
+    @property
+    def is_off(self) -> BoolArray:
+        """Marks the gains (n,) far from 1, if those of most joints are: another unit."""
+        size = np.abs(self.gain)
+        off = self.is_known & ((size > SEEMS_OFF) | (size < 1.0 / SEEMS_OFF))
+        # At one of several joints, a wrong mass is more likely.
+        return np.asarray(off & (off.sum() > 0.5 * self.is_known.sum()))
+
+    @property
+    def is_reversed(self) -> BoolArray:
+        """Marks the gains (n,) below 0."""
+        return np.asarray(self.scale < 0.0)
+
+
+def other_unit(names: Sequence[str], gains: GainEstimate) -> str:
+    """Return a sentence about the joints whose effort seems to be in another unit."""
+    listed = ', '.join(f'{name} ({1.0 / gain:.3g} times)' for name, gain, is_off in zip(
+        names, gains.gain, gains.is_off) if is_off)
+    return (f'the effort differs from the torque of the URDF at {listed}: if it is a current or '
+            'in another unit, use --effort current, with the masses of the URDF as reference')
 
 
 def drive_gains(information: QrInformation, prior: Prior) -> GainEstimate:
@@ -87,6 +120,7 @@ def drive_gains(information: QrInformation, prior: Prior) -> GainEstimate:
     samples = information.samples_per_independent_sample
     spread = MASS_ERROR * np.linalg.inv(prior.rows)
     gain, deviation, noise = np.full(n, np.nan), np.full(n, np.inf), np.full(n, np.inf)
+    sign = np.ones(n)
     for j in np.flatnonzero(information.is_measured).tolist():
         R = factors[j]
         load = R[:, :p] @ prior.parameters + R[:, p + PAYLOAD]
@@ -95,6 +129,9 @@ def drive_gains(information: QrInformation, prior: Prior) -> GainEstimate:
         X, masses = np.column_stack([load, R[:, p + np.array(_FRICTION)]]), R[:, :p] @ spread
         inverse, by_noise, by_masses = _first_value(X, masses, R[:, -1], rows, samples[j])
         error = float(np.hypot(by_noise, by_masses))
+        first = np.roll(X, -_DRY, axis=1)
+        dry, of_dry, _ = _first_value(first, masses, R[:, -1], rows, samples[j])
+        sign[j] = -1.0 if dry < -LEAST_CERTAINTY * of_dry else 1.0
         noise[j] = by_noise / inverse**2 if inverse else np.inf
         if R[:, p + PAYLOAD].any():
             # the errors of the masses times 1/K, in units of their standard deviations
@@ -104,8 +141,9 @@ def drive_gains(information: QrInformation, prior: Prior) -> GainEstimate:
                 inverse, error = value, by_noise
         if inverse:
             gain[j], deviation[j] = 1.0 / inverse, error / inverse**2
-    known = (gain > LEAST_CERTAINTY * noise) & (gain > LEAST_TOTAL_CERTAINTY * deviation)
-    return GainEstimate(gain, deviation, known, noise)
+    size = np.abs(gain)
+    known = (size > LEAST_CERTAINTY * noise) & (size > LEAST_TOTAL_CERTAINTY * deviation)
+    return GainEstimate(gain, deviation, known, noise, sign)
 
 
 def _first_value(

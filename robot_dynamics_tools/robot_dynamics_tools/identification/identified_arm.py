@@ -156,14 +156,15 @@ def fitted_friction(arm: ArmModel, fit: Fit) -> JointFriction:
 
 def parameter_values(
     arm: ArmModel, fit: Fit, drive_gain: Sequence[float] | None = None,
-    given: Mapping[str, object] | None = None,
+    given: Mapping[str, object] | None = None, is_stiffness: bool = False,
 ) -> dict[str, Any]:
     """
     Return the parameters of `dynamics_node`, by name, that belong to the identified URDF.
 
     `drive_gain` (n,) [N·m/A] or [N/A] is the joint effort per unit of recorded effort, if the
-    effort is a current. `given` are the previous parameters; those that the identification does
-    not determine are kept.
+    effort is a current; a negative one becomes a negative effort scale. With `is_stiffness` it is
+    that of position drives [N·m/rad] or [N/m]. `given` are the previous parameters; those that the
+    identification does not determine are kept.
     """
     friction = fitted_friction(arm, fit)
 
@@ -183,24 +184,27 @@ def parameter_values(
     rotors = rounded(fit.joint_values[:, friction_regressor.INERTIA].tolist())
     if any(rotors):
         values['actuator.reflected_inertia'] = rotors
-    if drive_gain is not None:
+    gain = np.ones(arm.joint_count) if drive_gain is None else np.asarray(drive_gain)
+    sign, gain = np.sign(gain), np.abs(gain)
+    if drive_gain is not None and is_stiffness:
+        values['drive.stiffness'] = rounded(gain.tolist())
+    elif drive_gain is not None:
         # N = 1: only N K_t was identified.
         values['actuator.gear_ratio'] = [1.0]
-        values['actuator.torque_constant'] = rounded(drive_gain)
+        values['actuator.torque_constant'] = rounded(gain.tolist())
     if arm.drive is not None:
         values['effort.command_scale'] = rounded(arm.drive.scale.tolist())
         values['effort.command_offset'] = rounded(arm.drive.offset.tolist())
-    if arm.report is not None:
-        gain = 1.0 if drive_gain is None else np.asarray(drive_gain)
-        values['effort.report_scale'] = rounded(arm.report.scale.tolist())
-        values['effort.report_offset'] = rounded((gain * arm.report.offset).tolist())
-        if arm.report.covariance is not None:
-            n = arm.joint_count
-            slope = np.concatenate([np.ones(n), gain * np.ones(n)])
-            C = arm.report.covariance * np.outer(slope, slope)
+    if arm.report is not None or (sign < 0.0).any():
+        report = arm.given_report
+        values['effort.report_scale'] = rounded((sign * report.scale).tolist())
+        values['effort.report_offset'] = rounded((gain * report.offset).tolist())
+        if report.covariance is not None:
+            slope = np.concatenate([sign, gain])
+            C = report.covariance * np.outer(slope, slope)
             values['effort.report_covariance'] = lower_triangle(C)
     if drive_gain is not None:
-        values['measured_effort'] = 'motor_current'
+        values['measured_effort'] = 'none' if is_stiffness else 'motor_current'
     return {**kept, **values}
 
 

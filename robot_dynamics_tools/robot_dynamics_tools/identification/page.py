@@ -61,8 +61,7 @@ def joint_verdicts(identification: Identification) -> list[Verdict]:
         for name, deviation, size, *residuals in zip(
             identification.arm.joint_names, holding_deviation(identification).tolist(),
             effort.tolist(), urdf.tolist(), simple.tolist(), consistent.tolist())]
-    if not identification.contradictions and not any(
-            recording.facts.contradictions for recording in identification.recordings):
+    if not any(recording.facts.contradictions for recording in identification.recordings):
         return verdicts
     return [verdict._replace(grade=Grade.CHECK, next_step=CONTRADICTED)
             if verdict.grade == Grade.GOOD else verdict for verdict in verdicts]

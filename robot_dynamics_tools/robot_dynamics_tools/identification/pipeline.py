@@ -27,15 +27,19 @@ from robot_dynamics.model.regressor import (
 )
 from robot_dynamics_tools.analysis.motion_filter import FilteredMotion
 from robot_dynamics_tools.identification import model_selection, recording_agreement, steps
-from robot_dynamics_tools.identification.drive_gains import drive_gains, GainEstimate
+from robot_dynamics_tools.identification.drive_gains import (
+    drive_gains,
+    GainEstimate,
+    other_unit,
+)
 from robot_dynamics_tools.identification.friction_regressor import FrictionStructure
 from robot_dynamics_tools.identification.qr_information import merge, QrInformation
-from robot_dynamics_tools.identification.regularized_fit import grams_of, make_prior, Prior, solve
+from robot_dynamics_tools.identification.regularized_fit import make_prior, Prior
 from robot_dynamics_tools.identification.uncertainty import estimate_parameters, ParameterEstimate
 
 TRAIN_FRACTION = 0.6
 STAGES = ('information', 'model', 'information with the model', 'improved model', 'test')
-_STATES, _EVERY = 60, 10
+_STATES = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +51,7 @@ class Identification:
     `seeming_gains` are the gains that would result from this interpretation. `recordings` are the
     tested recordings. With `is_cross_validated`, no samples were left for the test, and `tests`
     have the residual on the cross-validation folds. `difference` (b,) is that of the bodies
-    of the consistent set from the URDF (`recording_agreement`); `contradictions` are those of all
-    recordings.
+    of the consistent set from the URDF (`recording_agreement`).
     """
 
     arm: ArmModel
@@ -61,7 +64,6 @@ class Identification:
     seeming_gains: GainEstimate
     recordings: tuple[steps.EvaluatedRecording, ...]
     difference: FloatArray
-    contradictions: tuple[str, ...] = ()
     is_cross_validated: bool = False
 
 
@@ -76,6 +78,25 @@ class Recordings(NamedTuple):
     arm: Callable[[Sequence[str]], ArmModel]
     reduce: Callable[[steps.Reduction], list[QrInformation]]
     evaluate: Callable[[steps.Evaluation], list[steps.EvaluatedRecording]]
+
+
+class Observability(NamedTuple):
+    """What a first pass over recordings determines, before any model is fitted and tested."""
+
+    arm: ArmModel
+    information: QrInformation
+    gains: GainEstimate | None
+    models: model_selection.FittedModels
+    estimate: ParameterEstimate
+
+
+def observability(recordings: Recordings, effort_is_current: bool | None) -> Observability:
+    """Return what the recordings determine, from one pass; raise like `identify_recordings`."""
+    first, gains = _first_pass(recordings, effort_is_current)
+    arm = recordings.arm(first.joint_names)
+    models, base = fit_model(arm, first), base_parameters_of(arm.with_payloads(()))
+    return Observability(
+        arm, first, gains, models, estimate_parameters(first, base, models.problem))
 
 
 def prior_of(arm: ArmModel) -> Prior:
@@ -114,6 +135,7 @@ def fit_model(
 
 def identify(
     arm: ArmModel, motions: Sequence[FilteredMotion], train_fraction: float = TRAIN_FRACTION,
+    effort_is_current: bool | None = False,
 ) -> Identification:
     """
     Return the identification of an arm from motions of its joints, in its order.
@@ -125,7 +147,8 @@ def identify(
     recorded = [steps.prepared_motion(arm, motion, train_fraction) for motion in motions]
     return identify_recordings(Recordings(
         lambda _: arm, lambda step: [steps.reduce_recording(each, step) for each in recorded],
-        lambda step: [steps.evaluate_recording(each, step) for each in recorded]), False)
+        lambda step: [steps.evaluate_recording(each, step) for each in recorded]),
+        effort_is_current)
 
 
 def identify_recordings(
@@ -139,7 +162,8 @@ def identify_recordings(
 
     If `effort_is_current` is None, efforts are interpreted as currents if the gains of most joints
     differ. `on_stage` is called with each of STAGES before it begins. Raises InvalidInputError if
-    the joints of recordings differ, or if no drive gain is identifiable.
+    the joints of recordings differ, if no drive gain is identifiable, for torques of the opposite
+    sign, and without `effort_is_current` for efforts in an unknown unit.
     """
     on_stage(STAGES[0])
     first, gains = _first_pass(recordings, effort_is_current)
@@ -167,14 +191,10 @@ def identify_recordings(
     is_cross_validated = tests['base'].samples[1] == 0
     if is_cross_validated:
         tests = steps.cross_validated_tests(information, models, tests)
-    usual = solve(grams_of(information.together()), models.problem._replace(
-        regularization=recording_agreement.USUAL_REGULARIZATION))
-    ratios = recording_agreement.gravity_ratios(arm.with_payloads(()), usual, np.concatenate([
-        recording.shown.position[::_EVERY] for recording in evaluated]))
     return Identification(
         arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated),
         recording_agreement.difference_from_urdf(models.consistent, models.problem.prior),
-        recording_agreement.far_from_urdf(arm.joint_names, ratios), is_cross_validated)
+        is_cross_validated)
 
 
 def _first_pass(
@@ -184,7 +204,9 @@ def _first_pass(
     if not effort_is_current:
         first = merge(recordings.reduce(steps.Reduction()))
         arm = recordings.arm(first.joint_names)
-        if effort_is_current is False or not drive_gains(first, prior_of(arm)).differ:
+        gains = drive_gains(first, prior_of(arm))
+        if effort_is_current is False or not gains.differ:
+            _check_torque(arm, gains, effort_is_current)
             return first, None
     raw = merge(recordings.reduce(steps.Reduction(keeps_payload=True)))
     arm = recordings.arm(raw.joint_names)
@@ -194,3 +216,18 @@ def _first_pass(
             f'no drive gain of {list(arm.joint_names)} is identifiable from effort as current, '
             'expected a motion in which the joints bear loads well above friction')
     return merge(recordings.reduce(steps.Reduction(drive_gain=gains.scale))), gains
+
+
+def _check_torque(arm: ArmModel, gains: GainEstimate, effort_is_current: bool | None) -> None:
+    """Raise InvalidInputError for efforts of the opposite sign, or in an unknown unit."""
+    if effort_is_current is None and gains.is_off.any():
+        raise InvalidInputError(
+            f'{other_unit(arm.joint_names, gains)}; if it is a torque, and the masses of the URDF '
+            'are wrong, use --effort torque')
+    is_reversed = gains.is_known & gains.is_reversed
+    if is_reversed.any():
+        listed = [name for name, is_so in zip(arm.joint_names, is_reversed) if is_so]
+        raise InvalidInputError(
+            f'the effort has the opposite sign at {", ".join(listed)}, expected that of the '
+            'motion: set effort.report_scale of these joints to -1 (--parameters), or reverse '
+            'their axes in the URDF')

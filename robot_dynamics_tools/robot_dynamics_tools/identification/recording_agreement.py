@@ -13,9 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.pseudo_inertia import COUNT, pseudo_inertia_matrix
-from robot_dynamics.model.regressor import inertial_parameters, TorqueRegressor
 from robot_dynamics_tools.identification import regularized_fit
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
 from robot_dynamics_tools.identification.qr_information import QrInformation
@@ -24,15 +22,6 @@ LEAST_RATIO = 2.0
 """Ratio of the residuals of a common model and of separate ones that is a contradiction."""
 LEAST_RESIDUAL = 0.01
 """Residual relative to the effort, below which a difference does not count."""
-FAR = 2.0
-"""
-Ratio of the gravity torque at a joint to that of the URDF that suggests another arm.
-
-ln 2 is two standard deviations of a URDF whose masses are wrong by a third, all in one sense.
-"""
-USUAL_REGULARIZATION = 10.0
-"""κ of a URDF that is wrong by about a third."""
-_LEAST_SHARE = 0.1
 _LEAST_EIGENVALUE = 1e-9
 
 
@@ -92,27 +81,3 @@ def difference_from_urdf(fit: regularized_fit.Fit, prior: regularized_fit.Prior)
 def factor_of(difference: FloatArray) -> float:
     """Return the typical factor between the bodies of these differences (b,) and the URDF."""
     return float(np.exp(np.sqrt(np.mean(difference**2))))
-
-
-def gravity_ratios(arm: ArmModel, fit: regularized_fit.Fit, q: FloatArray) -> FloatArray:
-    """
-    Return the RMS (n,) of the gravity torque of a fit by that of the URDF, at positions q (m, n).
-
-    It is 1 at joints with less than a tenth of the largest torque. `arm` has no payload.
-    """
-    rest = np.zeros_like(q)
-    Y = TorqueRegressor(arm)(q, rest, rest)
-    found, described = (np.sqrt(np.mean((Y @ phi)**2, axis=0))
-                        for phi in (fit.parameters, inertial_parameters(arm)))
-    bears = np.maximum(found, described)
-    counts = (bears > _LEAST_SHARE * bears.max()) & (np.minimum(found, described) > 0.0)
-    return np.asarray(np.divide(found, described, out=np.ones_like(found), where=counts))
-
-
-def far_from_urdf(names: Sequence[str], ratios: FloatArray) -> tuple[str, ...]:
-    """Return a sentence if a gravity ratio of the named joints is far from 1."""
-    worst = int(np.argmax(np.abs(np.log(ratios))))
-    if 1.0 / FAR <= ratios[worst] <= FAR:
-        return ()
-    return (f'the gravity torque at {names[worst]} is {ratios[worst]:.2g} times that of the URDF: '
-            'another arm, another URDF, or a load that is not given',)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model_check.html_page import Origin
+from robot_dynamics.tools.command_line import make_directory, write_file
 from robot_dynamics_tools.identification import identified_arm, summary
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
 from robot_dynamics_tools.identification.friction_regressor import INERTIA
@@ -32,25 +33,24 @@ def write_identification(
     Write all files, and return their paths; `urdf` is the text that was identified.
 
     `given` are parameters to which the identified ones are added; the report names `origin`.
-    Raises OSError, ModelError if the URDF cannot represent the parameters, MissingDependencyError
-    without matplotlib.
+    Raises ToolError, ModelError if the URDF cannot represent the parameters,
+    MissingDependencyError without matplotlib.
     """
-    directory.mkdir(parents=True, exist_ok=True)
+    make_directory(directory)
     paths = [directory / name for name in FILES]
     arm, fit = found.identification.arm, found.identification.models.consistent
     gains = found.identification.gains
     gain = None if gains is None else gains.scale.tolist()
     identified = identified_arm.fitted_urdf(urdf, arm, fit)
-    paths[0].write_text(identified, encoding='utf-8')
+    write_file(paths[0], identified)
     # the URDF itself, as a path would depend on the computer or on the working directory
-    values = {**identified_arm.parameter_values(arm, fit, gain, given),
+    values = {**identified_arm.parameter_values(arm, fit, gain, given, found.seeks_stiffness),
               'robot_description': identified, **uncertainty_values(found.identification)}
     notes = file_notes(found.identification, urdf)
-    paths[1].write_text(
-        identified_arm.parameter_file(values, [*_head(found), *(['', *notes] if notes else [])]),
-        encoding='utf-8')
-    paths[2].write_text(identification_page(found, origin), encoding='utf-8')
-    paths[3].write_text(json.dumps(as_data(found), indent=2) + '\n', encoding='utf-8')
+    write_file(paths[1], identified_arm.parameter_file(
+        values, [*_head(found), *(['', *notes] if notes else [])]))
+    write_file(paths[2], identification_page(found, origin))
+    write_file(paths[3], json.dumps(as_data(found), indent=2) + '\n')
     tables = [recording.samples for recording in found.identification.recordings]
     return paths + write_samples(tables, [bag.stem for bag in found.bags], directory)
 

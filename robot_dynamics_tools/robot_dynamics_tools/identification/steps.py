@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.tools.command_line import writing
 from robot_dynamics_tools.analysis.contradictions import corrected
 from robot_dynamics_tools.analysis.motion_filter import FilteredMotion
 from robot_dynamics_tools.analysis.sample_files import motion_columns, write_csv
@@ -258,5 +259,6 @@ def write_samples(
             continue
         same = f'_{number}' if names.count(name) > 1 else ''
         paths.append(directory / f'test_samples_{name}{same}.csv')
-        write_csv(table, paths[-1])
+        with writing(paths[-1]) as new:
+            write_csv(table, new)
     return paths

@@ -16,10 +16,14 @@ from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction
 from robot_dynamics.joints.parameter_field import ParameterField
 from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
-from robot_dynamics_tools.identification.drive_gains import GainEstimate, MASS_ERROR
+from robot_dynamics_tools.identification.drive_gains import (
+    GainEstimate,
+    MASS_ERROR,
+    other_unit,
+)
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
-from robot_dynamics_tools.identification.pipeline import Identification
+from robot_dynamics_tools.identification.pipeline import Identification, Observability
 from robot_dynamics_tools.identification.recording_agreement import factor_of
 from robot_dynamics_tools.reporting.text_table import percent, Rows
 
@@ -33,8 +37,6 @@ ILL_CONDITIONED = 100.0
 """Condition number above which base parameters are uncertain (a usual bound of excitation)."""
 LOST = 1.2
 """Ratio of the residuals of the consistent set and of the base parameters that is a warning."""
-SEEMS_OFF = 2.0
-"""A drive gain that differs from 1 by more than this factor suggests a unit other than N·m."""
 _MOST_NAMES = 12
 LEAST_NOISE = 1e-4
 """Noise of the effort, by its RMS, below which it was removed before the effort was recorded."""
@@ -144,8 +146,11 @@ def gain_rows(identification: Identification, gains: GainEstimate) -> Rows:
         rows.append((
             name, f'{gains.gain[j]:.4g}', f'{gains.deviation[j]:.2g}',
             f'{gains.noise[j]:.2g}',
-            'not identifiable: 1 is used' if not gains.is_known[j] else
-            'confounded with the masses of the URDF' if gains.is_confounded[j] else ''))
+            ('sign by friction, no size: -1 is used' if gains.is_reversed[j] else
+             'not identifiable: 1 is used') if not gains.is_known[j] else
+            '; '.join(text for text, is_so in (
+                ('the effort has the opposite sign', gains.is_reversed[j]),
+                ('confounded with the masses of the URDF', gains.is_confounded[j])) if is_so)))
     return rows
 
 
@@ -156,7 +161,19 @@ def warnings(identification: Identification) -> list[str]:
             *_of_effort(identification)]
 
 
-def not_separable(identification: Identification) -> dict[str, tuple[str, ...]]:
+def observable_lines(found: Observability) -> list[str]:
+    """Return what recordings determine and what they do not, in sentences."""
+    estimate = found.estimate
+    total, known = len(estimate.names), int(estimate.excited.sum())
+    return [f'{known} of {total} parameters are excited, of them '
+            f'{int(estimate.excited[:estimate.base_count].sum())} of {estimate.base_count} base '
+            f'parameters; condition number {estimate.condition:.3g}',
+            *_of_friction(found), *_of_excitation(found), *([] if found.gains is None else [
+                f'{name}: the drive gain is {"" if is_known else "not "}identifiable'
+                for name, is_known in zip(found.arm.joint_names, found.gains.is_known)])]
+
+
+def not_separable(identification: Identification | Observability) -> dict[str, tuple[str, ...]]:
     """Return the friction parameters that were left out, by joint, for joints with effort."""
     information = identification.information
     return {
@@ -165,7 +182,7 @@ def not_separable(identification: Identification) -> dict[str, tuple[str, ...]]:
         if information.is_measured[j] and information.excitation.left_out(j)}
 
 
-def _of_friction(identification: Identification) -> Iterator[str]:
+def _of_friction(identification: Identification | Observability) -> Iterator[str]:
     names = identification.arm.joint_names
     excitation = identification.information.excitation
     structures = identification.models.problem.structures
@@ -208,7 +225,7 @@ def _of_bounds(identification: Identification) -> Iterator[str]:
             f'{without} instead of {text}')
 
 
-def _of_excitation(identification: Identification) -> Iterator[str]:
+def _of_excitation(identification: Identification | Observability) -> Iterator[str]:
     estimate = identification.estimate
     if estimate.condition > ILL_CONDITIONED:
         yield (f'the condition number of the base parameters is {estimate.condition:.3g}, above '
@@ -266,23 +283,15 @@ def _of_effort(identification: Identification) -> Iterator[str]:
                    'relative to friction or to the errors of the masses; their effort '
                    'stays in the unit of the recording')
         return
-    gains = identification.seeming_gains
-    off = gains.is_known & ((gains.gain > SEEMS_OFF) | (gains.gain < 1.0 / SEEMS_OFF))
-    # At a single joint, a wrong mass is more likely.
-    if off.sum() > max(1.0, 0.5 * gains.is_known.sum()):
-        listed = ', '.join(
-            f'{name} ({1.0 / gain:.3g} times)'
-            for name, gain, is_off in zip(names, gains.gain, off) if is_off)
-        yield (f'effort differs from the torque of the URDF at {listed}: if the effort is a '
-               'current or in another unit, use --effort current')
+    if identification.seeming_gains.is_off.any():
+        yield other_unit(names, identification.seeming_gains)
 
 
 def contradiction_lines(found: BagIdentification) -> list[str]:
     """Return the likely causes of contradictions, with the names of the recordings."""
-    return [*found.identification.contradictions, *(
-        f'{bag.name}: {cause}'
-        for bag, recording in zip(found.bags, found.identification.recordings)
-        for cause in recording.facts.contradictions)]
+    return [f'{bag.name}: {cause}'
+            for bag, recording in zip(found.bags, found.identification.recordings)
+            for cause in recording.facts.contradictions]
 
 
 def recording_lines(found: BagIdentification) -> list[str]:

@@ -11,10 +11,11 @@ bounds: the mean square of its error is this covariance plus d dᵀ. Parameters 
 determine have the deviations of the noise; the others have those of such a URDF.
 
 The noise is calibrated so that the interval ± 2 σ of covariance, friction and noise contains
-COVERAGE of the recorded samples of each joint, above and below its median speed (split conformal
-prediction: J. Lei et al., J. American Statistical Association 113(523), 2018). It is not an
-assumed distribution: the errors of friction are not normal. Samples for training count without the
-covariance, because the fit to them has not its error.
+COVERAGE of the slowest and of the fastest third of the recorded samples of each joint, because
+friction that sticks has any value (split conformal prediction: J. Lei et al., J. American
+Statistical Association 113(523), 2018). It is not an assumed distribution: the errors of friction
+are not normal. Samples for training count without the covariance, because the fit to them has not
+its error.
 
 The bodies and rotors are represented by their base parameters for any direction of gravity, so
 that the covariance is also valid for an arm with another mounting.
@@ -23,7 +24,7 @@ that the covariance is also valid for an arm with another mounting.
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.effort_deviation import EffortDeviation, make_uncertainty
 from robot_dynamics.model.regressor import random_states
@@ -39,6 +40,8 @@ LARGEST_REGULARIZATION = 1.0
 POSES = 200
 COVERAGE = 0.9545
 """Share of the recorded samples within 2 σ: that of a normal distribution."""
+THIRDS = 1.0 / 3.0, 2.0 / 3.0
+"""Shares of the recorded samples that are slow, and that are not fast."""
 GRAVITIES = ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (0.0, 9.81, 0.0), (0.0, 0.0, 9.81))
 """The efforts are affine in gravity: these vectors have the parameters of any direction."""
 
@@ -46,13 +49,13 @@ GRAVITIES = ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (0.0, 9.81, 0.0), (0.0, 0.0, 9.8
 def uncertainty_values(identification: Identification) -> dict[str, Any]:
     """Return the parameters `uncertainty.…` of `dynamics_node`, by name."""
     names, covariance = parameter_covariance(identification)
-    fast, slow, middle, largest = recorded_deviations(identification)
+    noise, friction, velocity, largest = recorded_deviations(identification)
     return {
         'uncertainty.parameters': list(names),
         'uncertainty.covariance': lower_triangle(covariance),
-        'uncertainty.noise_deviation': fast.tolist(),
-        'uncertainty.friction_deviation': np.sqrt(np.maximum(slow**2 - fast**2, 0.0)).tolist(),
-        'uncertainty.friction_velocity': middle.tolist(),
+        'uncertainty.noise_deviation': noise.tolist(),
+        'uncertainty.friction_deviation': friction.tolist(),
+        'uncertainty.friction_velocity': velocity.tolist(),
         'uncertainty.largest_velocity': largest.tolist(),
         'uncertainty.noise_bandwidth': min(
             noise_bandwidth(recording.facts.cutoff_hz, recording.facts.rate_hz)
@@ -76,7 +79,7 @@ def recorded_deviations(
     identification: Identification,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """
-    Return σ of fast and of slow samples, and the median and the largest speed, each (n,).
+    Return the deviations of noise and of friction at rest, its velocity, and the largest, (n,).
 
     The residuals are those at single states, because the node knows no motion before a state.
     """
@@ -88,11 +91,16 @@ def recorded_deviations(
             each.position, each.velocity, each.acceleration)**2).sum(axis=2)
         for each in shown])
     speed = np.abs(np.concatenate([each.velocity for each in shown]))
-    middle = np.median(speed, axis=0)
-    slow, fast = (np.sqrt(np.maximum([
-        np.quantile(own[rows], COVERAGE) for own, rows in zip(variance.T, is_part.T)], 0.0))
-        for is_part in (speed <= middle, speed >= middle))
-    return fast, slow, middle, speed.max(axis=0)
+    slow, fast = np.quantile(speed, THIRDS, axis=0)
+
+    def covered(values: FloatArray, is_part: BoolArray) -> FloatArray:
+        return np.maximum([np.quantile(own[rows], COVERAGE)
+                           for own, rows in zip(values.T, is_part.T)], 0.0)
+
+    noise = covered(variance, speed >= fast)
+    left = np.maximum(1.0 - speed / np.maximum(fast, 1e-12), 1e-3)
+    friction = covered((variance - noise) / left**2, speed <= slow)
+    return np.sqrt(noise), np.sqrt(friction), fast, speed.max(axis=0)
 
 
 def _model_deviation(identification: Identification) -> EffortDeviation:

@@ -11,6 +11,8 @@ estimation of inertial parameters using a recursive total least-squares approach
 2008, include them for a force sensor and accelerometers.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
@@ -29,6 +31,7 @@ from robot_dynamics_tools.payload_estimation.rows import (
     RowBuilder,
     SLIDING_VELOCITY,
 )
+from robot_dynamics_tools.unknown_drives import SCALE_DEVIATION, unknown_drives
 
 SHORTEST_BLOCK = 0.1
 """[s]"""
@@ -44,15 +47,24 @@ class PayloadEstimator:
     `arm` is the model without this body; its friction is subtracted from the measured effort.
     """
 
-    def __init__(self, arm: ArmModel, link: str, cutoff_hz: float) -> None:
+    def __init__(
+        self, arm: ArmModel, link: str, cutoff_hz: float,
+        scale_deviation: float | None = None,
+    ) -> None:
         """
         Take samples that passed a low-pass filter with the cut-off `cutoff_hz` [Hz].
+
+        `scale_deviation` is that of the effort scales, relative to them, unless the report of the
+        arm has a covariance; 0 for exact scales and offsets. None is 0 for an arm with a report,
+        and SCALE_DEVIATION for drives that were not calibrated.
 
         Raises InvalidInputError for an unknown link.
         """
         if not cutoff_hz > 0.0:
             raise InvalidInputError(f'cutoff_hz is {cutoff_hz:g}, expected a number > 0')
         self.arm, self.link = arm, link
+        self._scale_deviation = scale_deviation if scale_deviation is not None else (
+            SCALE_DEVIATION if arm.report is None else 0.0)
         self._regressor = LoadRegressor(arm, link)
         dynamics = ArmDynamics(arm)
         self._dynamics = dynamics.unchecked
@@ -109,6 +121,7 @@ class PayloadEstimator:
         rows[:, :, :, :COUNT] = self._regressor(q, v, a)
         rows[..., Column.VELOCITY], rows[..., Column.EFFORT] = v, effort
         rows[..., Column.SIGN], rows[..., Column.ONE] = np.tanh(v / _FRICTION_SMOOTHING), 1.0
+        rows[..., Column.RIGID] = rigid
         friction = dynamics.friction
         rows[0, ..., Column.RESIDUAL] = friction.load_behind(v, effort, np.sign(v)) - rigid
         # at rest, dry friction is unknown
@@ -128,7 +141,11 @@ class PayloadEstimator:
             self._largest_effort, 1.0))
         friction = self.arm.friction
         band = friction.at_rest.static + friction.load_coefficient * self._largest_effort
-        solution = solve(rows, rests, band, scale, self.arm.given_report.torque_error_covariance())
+        report, prior = self.arm.given_report, 0.0
+        if report.covariance is None:
+            prior = self._scale_deviation
+            report = replace(report, covariance=unknown_drives(report.scale, scale, prior))
+        solution = solve(rows, rests, band, scale, report.torque_error_covariance())
         return make_result(
             self.arm, self.link, solution, rows, rests, band, self._block, self._position,
-            with_advice)
+            with_advice, prior)

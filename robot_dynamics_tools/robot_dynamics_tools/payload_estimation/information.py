@@ -7,7 +7,9 @@ Weighted least squares in information form, with variances that are estimated fr
 The unknowns are π (10,) of the load; for each joint an error of the viscous and of the dry
 friction of the model, and the mean dry friction of its single rests in the direction of approach;
 a delay of all measured efforts, because drives hold an effort during a period; and for each joint
-an error of the effort scale and of the effort offset, with the covariance of their calibration;
+an error of the effort scale and of the effort offset, with the covariance of their calibration,
+or of drives that were not calibrated (the scale multiplies the modelled effort, because with the
+measured effort, noise would favour small scales);
 the errors of the model, as independent unknowns with the deviation 1 (`ModelUncertainty.root`).
 
 The rows form groups with a variance each (`variance_groups`): Λ = Σ_g Λ_g / σ_g², with σ_g² from
@@ -53,7 +55,8 @@ class Solution:
     those of the covariance if few residuals determine the variances. `per_percent` (10,) is the
     error of π if all measured efforts are 1 % too large. `expected` are the variances (n,) of
     further rows, by their kind: 'motion', 'single' or 'paired'. `residual` (n,) is the RMS of the
-    residuals of each joint by that of its effort, NaN without effort.
+    residuals of each joint by that of its effort, NaN without effort. `of_drives` (10,) are
+    the parts of the variances that unknown effort scales and offsets cause.
     """
 
     values: FloatArray
@@ -62,6 +65,7 @@ class Solution:
     per_percent: FloatArray
     expected: dict[str, FloatArray]
     residual: FloatArray
+    of_drives: FloatArray
 
 
 def solve(
@@ -76,8 +80,6 @@ def solve(
     """
     n = len(scale)
     groups = variance_groups.make_groups(rows, rests, band, scale)
-    information = [group.information() for group in groups]
-    right = [group.right_side(Column.RESIDUAL) for group in groups]
     variances = np.array([
         max(group.prior, (variance_groups.ASSUMED_NOISE * scale[group.joint])**2)
         for group in groups])
@@ -85,12 +87,14 @@ def solve(
     exact = np.concatenate([np.full_like(scale, _EXACT), _EXACT * scale])
     drive = inverse_of(np.diag(exact**2) + drive_covariance)  # of effort scales and offsets
     count = variance_groups.unknown_count(n, rows.gram.shape[1])
-    theta, inverse = np.zeros(count), inverse_of(
+    theta, information, inverse = np.zeros(count), list[FloatArray](), inverse_of(
         _prior_information(groups, variances, band, scale, drive, count))
     for _ in range(_ITERATIONS if groups else 0):
         prior = _prior_information(groups, variances, band, scale, drive, count)
+        information = [group.information(theta) for group in groups]
         inverse = inverse_of(prior + sum(A / s for A, s in zip(information, variances)))
-        theta = inverse @ sum(b / s for b, s in zip(right, variances))
+        theta = inverse @ sum(
+            group.right_side(theta) / s for group, s in zip(groups, variances))
         squares = np.array([group.squares(theta) for group in groups])
         free = np.array([
             max(group.count - float(np.sum(inverse * A)) / s, 0.0)
@@ -98,13 +102,21 @@ def solve(
         variances, freedom = variance_groups.estimated_variances(groups, squares, free, scale)
         variances = variances * variance_groups.rows_per_independent_row(groups, theta)
     covariance = inverse[:COUNT, :COUNT]
-    effort = sum((group.right_side(Column.EFFORT) / s for group, s in zip(groups, variances)),
-                 np.zeros_like(theta))
+    effort = sum((group.right_side(theta, Column.EFFORT) / s
+                  for group, s in zip(groups, variances)), np.zeros_like(theta))
     deviations = np.sqrt(np.diag(covariance)) * _widening(inverse, information, variances, freedom)
     mean_friction = np.diag(inverse)[COUNT + 2 * n:COUNT + 3 * n]
     return Solution(theta[:COUNT], covariance, deviations, 0.01 * (inverse @ effort)[:COUNT],
                     _expected(groups, variances, scale, band, mean_friction),
-                    _relative_residual(groups, theta, n))
+                    _relative_residual(groups, theta, n), _part_of_drives(inverse, n))
+
+
+def _part_of_drives(inverse: FloatArray, n: int) -> FloatArray:
+    """Return the parts (10,) of the variances of π that known drives would remove."""
+    drives = slice(COUNT + 3 * n + 1, COUNT + 5 * n + 1)
+    A = inverse[:COUNT, drives]
+    removed = np.einsum('ij,jk,ik->i', A, inverse_of(inverse[drives, drives]), A)
+    return np.asarray(removed / np.diag(inverse)[:COUNT])
 
 
 def _relative_residual(groups: list[Group], theta: FloatArray, n: int) -> FloatArray:

@@ -41,12 +41,13 @@ class RecordedPayload:
 
 def estimate_from_bags(
     bags: Sequence[Path], link: str, settings: AnalysisSettings,
-    when_read: Callable[[], object] = lambda: None,
+    when_read: Callable[[], object] = lambda: None, scale_deviation: float | None = None,
 ) -> RecordedPayload:
     """
     Return the estimate of the body on `link` from all recordings together.
 
-    `when_read` is called after each recording. Recordings that fail are excluded. Raises
+    `when_read` is called after each recording, `scale_deviation` is that of `PayloadEstimator`.
+    Recordings that fail are excluded. Raises
     RecordingError if all fail, InvalidInputError for a wrong link or parameter, and ModelError.
     """
     arm_from_parameters(settings.urdf, settings.parameters, ()).link_frame(link, 'link')
@@ -57,7 +58,8 @@ def estimate_from_bags(
     for bag in bags:
         try:
             recorded, motion, found = _read(bag, settings)
-            estimator = estimator or PayloadEstimator(recorded, link, motion.cutoff_hz)
+            estimator = estimator or PayloadEstimator(
+                recorded, link, motion.cutoff_hz, scale_deviation)
             if recorded.joint_names != estimator.arm.joint_names:
                 raise RecordingError(
                     f'the recording has the joints {list(recorded.joint_names)}, expected those '
@@ -86,7 +88,7 @@ def _read(
     motion = motion_filter.filter_motion_below(read.series, CUTOFF) if cutoff is None else (
         motion_filter.filter_motion(read.series, cutoff))
     motion, remark = with_joint_effort(motion, read.arm, settings.parameters)
-    motion, causes = corrected(read.arm, motion)
+    motion, causes = corrected(read.arm, motion, has_load=True)
     return read.arm, motion, tuple(filter(None, (*read.remarks, remark, *causes)))
 
 

@@ -30,6 +30,11 @@ With that of the first moments, the centre of mass is known to 1 cm in 95 % of t
 """
 LEAST_MASSES = np.array([1.0, *(0.2,) * 3, *(1.0,) * 6])
 """Masses [kg] that a smaller mass counts as."""
+LEAST_PART_OF_DRIVES = 0.5
+"""Part of the variance of a parameter from which on calibrating the drives comes first."""
+CALIBRATE = (
+    'scale and mass are confounded: calibrate_gravity with a known weight separates them, or hold '
+    'more poses, in which the gravity torque of the arm without the load differs')
 LENGTH = 0.1
 """Length [m] with which parameters are scaled to compare them."""
 _STATES = 40
@@ -124,8 +129,13 @@ class PayloadEstimate:
 def make_result(
     arm: ArmModel, link: str, solution: Solution, rows: LoadRows, rests: RestRows,
     band: FloatArray, block: float, position: FloatArray | None, with_advice: bool,
+    scale_deviation: float,
 ) -> PayloadEstimate:
-    """Return the result of a solution; `position` (n,) is the present one, None without data."""
+    """
+    Return the result of a solution; `position` (n,) is the present one, None without data.
+
+    `scale_deviation` is the assumed one of the effort scales, 0 if they are known.
+    """
     certain_mass = abs(solution.values[0]) - 2.0 * solution.deviations[0]
     limit = LARGEST_DEVIATIONS * np.maximum(LEAST_MASSES, certain_mass)
     verdicts = _verdicts(LoadRegressor(arm, link), solution, limit)
@@ -135,7 +145,9 @@ def make_result(
         advice = advise(arm, link, missing, Knowledge(
             solution.values, inverse_of(solution.covariance), limit, position, solution.expected,
             block))
-    remarks = _unknown_errors(arm)
+    if scale_deviation and advice and (solution.of_drives[missing] > LEAST_PART_OF_DRIVES).any():
+        advice = (CALIBRATE, *advice)
+    remarks = _unknown_errors(arm, scale_deviation, float(solution.of_drives[0]))
     if all(verdict == OBSERVABLE for verdict in verdicts) and not is_consistent(solution.values):
         remarks += ('no mass distribution has the estimated inertia: its error is too large',)
     deviations = np.where([one == NO_EFFECT for one in verdicts], np.inf, solution.deviations)
@@ -147,19 +159,21 @@ def make_result(
         arm.joint_names, solution.residual)
 
 
-def _unknown_errors(arm: ArmModel) -> tuple[str, ...]:
-    """Return which errors are not part of the deviations."""
-    is_calibrated = arm.report is not None and arm.report.covariance is not None
-    unknown = [
-        name for name, is_known in (
-            ('torque constant', is_calibrated),
-            ('mass of the arm in the URDF', arm.uncertainty is not None and (
-                arm.uncertainty.has_covariance))) if not is_known]
-    if not unknown:
-        return ()
-    return (f'a wrong {" or a wrong ".join(unknown)} changes the estimate, and is not part of the '
-            'deviations' + (
-                '' if is_calibrated else ': see the error per 1 % of the measured effort'),)
+def _unknown_errors(arm: ArmModel, scale_deviation: float, of_drives: float) -> tuple[str, ...]:
+    """Return what is assumed about the drives, and which errors are not part of the deviations."""
+    remarks: tuple[str, ...] = ()
+    if scale_deviation:
+        remarks = (
+            'no calibrated drives: a wrong torque constant is assumed at each joint, with a '
+            f'deviation of {100.0 * scale_deviation:g} % (--scale-deviation), which causes '
+            f'{100.0 * of_drives:.0f} % of the variance of the mass',)
+    elif arm.given_report.covariance is None:
+        remarks = ('a wrong torque constant changes the estimate, and is not part of the '
+                   'deviations: see the error per 1 % of the measured effort',)
+    if arm.uncertainty is not None and arm.uncertainty.has_covariance:
+        return remarks
+    return (*remarks, 'a wrong mass of the arm in the URDF changes the estimate, and is not part '
+            'of the deviations')
 
 
 def _verdicts(regressor: LoadRegressor, solution: Solution, limit: FloatArray) -> tuple[str, ...]:

@@ -36,7 +36,7 @@ REVERSAL = 5e-4
 """Displacement [rad] or [m] after which the direction of motion has changed."""
 LARGEST_GAP = 0.5
 """[s] between two samples from which on the motion between them is unknown."""
-COLUMNS = COUNT + 6
+COLUMNS = COUNT + 7
 """Number of columns of a row, before those of the errors of the model, if these are known."""
 _SQUARE, _SAMPLES, _TIME, _POSITION = range(-4, 0)
 """Further columns of the sums over a block or a rest; the last two are of its last sample."""
@@ -45,9 +45,9 @@ _REST, _BETWEEN = 0, 2
 
 
 class Column:
-    """Columns of a row after Y: velocity, its sign, rate of the effort, residual, effort, 1."""
+    """Columns of a row after Y: velocity, its sign, rate of the effort, …, effort of the URDF."""
 
-    VELOCITY, SIGN, RATE, RESIDUAL, EFFORT, ONE = range(COUNT, COLUMNS)
+    VELOCITY, SIGN, RATE, RESIDUAL, EFFORT, ONE, RIGID = range(COUNT, COLUMNS)
 
 
 @dataclass(frozen=True, eq=False)

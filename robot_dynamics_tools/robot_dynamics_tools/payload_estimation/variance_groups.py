@@ -58,7 +58,7 @@ class Group:
         model_errors = range(COLUMNS, len(self.gram))
         unknowns = [*range(COUNT), scale_error, scale_error + n, *(
             unknown_count(n) + i for i in range(len(model_errors)))]
-        columns = [*range(COUNT), Column.EFFORT, Column.ONE, *model_errors]
+        columns = [*range(COUNT), Column.RIGID, Column.ONE, *model_errors]
         if self.kind == 'motion':
             unknowns += [COUNT + self.joint, COUNT + n + self.joint, COUNT + 3 * n]
             columns += [Column.VELOCITY, Column.SIGN, Column.RATE]
@@ -67,26 +67,43 @@ class Group:
             columns.append(Column.SIGN)
         return unknowns, columns
 
-    def information(self) -> FloatArray:
-        """Return the information matrix of all unknowns, for a variance of 1."""
-        unknowns, columns = self._places
-        A = np.zeros(2 * (unknown_count(self.n, len(self.gram)),))
-        A[np.ix_(unknowns, unknowns)] = self.gram[np.ix_(columns, columns)]
-        return A
+    def _slope(self, theta: FloatArray) -> FloatArray:
+        """
+        Return M (unknowns, c): M z are the derivatives of the modelled residual of a row z.
 
-    def right_side(self, column: int) -> FloatArray:
-        """Return the right side of the normal equations of a column, for a variance of 1."""
+        The measured effort is (1 + ε) (τ + Y π) + …, with the effort τ of the URDF.
+        """
         unknowns, columns = self._places
-        b = np.zeros(unknown_count(self.n, len(self.gram)))
-        b[unknowns] = self.gram[columns, column]
-        return b
+        M = np.zeros((unknown_count(self.n, len(self.gram)), len(self.gram)))
+        M[unknowns, columns] = 1.0
+        error = unknowns[COUNT]
+        M[:COUNT] *= 1.0 + theta[error]
+        M[error, :COUNT] = theta[:COUNT]
+        return M
+
+    def information(self, theta: FloatArray) -> FloatArray:
+        """Return the information matrix of all unknowns at `theta`, for a variance of 1."""
+        M = self._slope(theta)
+        return np.asarray(M @ self.gram @ M.T)
+
+    def right_side(self, theta: FloatArray, column: int | None = None) -> FloatArray:
+        """
+        Return the right side of the normal equations at `theta`, for a variance of 1.
+
+        They are those of a column, None for the residual of the URDF, for a step of Gauss–Newton.
+        """
+        target = np.zeros(len(self.gram))
+        target[Column.RESIDUAL if column is None else column] = 1.0
+        if column is None:
+            target[:COUNT] = theta[self._places[0][COUNT]] * theta[:COUNT]
+        return np.asarray(self._slope(theta) @ self.gram @ target)
 
     def residual_form(self, theta: FloatArray) -> FloatArray:
         """Return u (c,) with u·z the residual of a row z."""
-        unknowns, columns = self._places
-        u = np.zeros(len(self.gram))
-        u[columns], u[Column.RESIDUAL] = -theta[unknowns], 1.0
-        return u
+        u = -self._slope(theta).T @ theta
+        u[:COUNT] += theta[self._places[0][COUNT]] * theta[:COUNT]
+        u[Column.RESIDUAL] = 1.0
+        return np.asarray(u)
 
     def squares(self, theta: FloatArray) -> float:
         """Return the sum of the squared residuals."""

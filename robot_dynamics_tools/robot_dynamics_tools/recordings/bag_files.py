@@ -18,6 +18,10 @@ from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RecordingError
 
 METADATA = 'metadata.yaml'
+KINDS = ('a file .mcap or .db3, a directory of rosbag2, or a folder of these; or a file .csv, or '
+         'a data set of LeRobot')
+INFO = 'meta/info.json'
+"""File of a data set of LeRobot."""
 _STORAGE = re.compile(r'\.(mcap|db3)(\.zstd)?$')
 _NUMBERED = re.compile(r'^(?P<stem>.*?)_(?P<number>\d+)$')
 
@@ -38,6 +42,11 @@ class RecordingFiles(NamedTuple):
 def is_storage(path: Path) -> bool:
     """Return whether a file belongs to a recording, judged by its name."""
     return bool(_STORAGE.search(path.name)) and path.is_file()
+
+
+def is_table(path: Path) -> bool:
+    """Return whether a path is a CSV file or a data set of LeRobot."""
+    return path.is_file() and path.suffix.lower() in ('.csv', '.tsv') or (path / INFO).is_file()
 
 
 def storage_groups(directory: Path) -> list[tuple[Path, ...]]:
@@ -75,17 +84,24 @@ def find_recordings(paths: Iterable[Path], outputs: Path | None = None) -> list[
         if not below:
             raise RecordingError(
                 f'{str(path)!r} {"has no recording" if path.exists() else "does not exist"}, '
-                'expected a file .mcap or .db3, a directory of rosbag2, or a folder of these')
+                f'expected {KINDS}')
         found |= dict.fromkeys(below)
     return list(found)
 
 
 def _recordings_below(path: Path) -> list[Path]:
+    if path.suffix == '.bag':
+        raise RecordingError(
+            f'{str(path)!r} is a bag of ROS 1, expected one of ROS 2: convert it with '
+            f'rosbags-convert --src {path} --dst {path.with_suffix("")}')
     if path.is_file():
+        if not is_storage(path) and not is_table(path):
+            raise RecordingError(
+                f'{str(path)!r} is a file {path.suffix or "without a suffix"}, expected {KINDS}')
         return [path]
     if not path.is_dir():
         return []
-    if (path / METADATA).is_file():
+    if is_table(path) or (path / METADATA).is_file():
         return [path]
     below = {entry: _recordings_below(entry) for entry in sorted(path.iterdir())
              if entry.is_dir() or is_storage(entry)}

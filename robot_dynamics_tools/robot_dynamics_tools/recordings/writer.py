@@ -13,8 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from robot_dynamics.dependencies import optional
-from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.exceptions import InvalidInputError, RecordingError
+from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics_tools.recordings import topics
+from robot_dynamics_tools.recordings.bag_files import METADATA
 from robot_dynamics_tools.recordings.interrupts import uninterrupted
 
 
@@ -30,8 +32,8 @@ class RecordingWriter(AbstractContextManager['RecordingWriter']):
         """
         Create `directory`.
 
-        Raises RecordingError if the directory exists or cannot be made, MissingDependencyError
-        without `rosbags`.
+        Raises RecordingError if the directory exists, ToolError if it cannot be written, which
+        `write` and `close` raise too, MissingDependencyError without `rosbags`.
         """
         rosbag2 = optional('rosbags.rosbag2', 'a recording')
         self.directory = directory
@@ -41,8 +43,10 @@ class RecordingWriter(AbstractContextManager['RecordingWriter']):
                 directory, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP)
             self._writer.set_custom_data('written_by', 'robot_dynamics')
             self._writer.open()
-        except (rosbag2.WriterError, OSError) as error:
+        except rosbag2.WriterError as error:
             raise RecordingError(f'recording {str(directory)!r}: {error}') from None
+        except OSError as error:
+            raise self._failure(error) from None
         self._open = True
 
     def add_topic(self, name: str, message_type: str, qos: topics.TopicQos | None = None) -> None:
@@ -54,15 +58,47 @@ class RecordingWriter(AbstractContextManager['RecordingWriter']):
 
     def write(self, topic: str, time_ns: int, data: bytes) -> None:
         """Write a serialized message (CDR) of a topic under this time [ns]."""
-        with uninterrupted():
-            self._writer.write(self._connections[topic], time_ns, data)
+        try:
+            with uninterrupted():
+                self._writer.write(self._connections[topic], time_ns, data)
+        except OSError as error:
+            raise self._failure(error) from None
+
+    def _failure(self, error: OSError) -> ToolError:
+        return ToolError(f'cannot write {self.directory}: {error.strerror}')
 
     def close(self) -> None:
         """Complete and close the files; further calls have no effect."""
         with uninterrupted():
             if self._open:
                 self._open = False
-                self._writer.close()
+                try:
+                    self._writer.close()
+                except OSError as error:
+                    raise self._failure(error) from None
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def prepare_recording(directory: Path, option: str, force: bool = False) -> None:
+    """
+    Raise InvalidInputError if the directory of a new recording exists.
+
+    With `force`, a recording that RecordingWriter has written is removed instead.
+    """
+    if force:
+        remove_recording(directory)
+    if directory.exists():
+        expected = 'that of a recording with --force' if force else 'a new directory'
+        raise InvalidInputError(
+            f'{option} is {str(directory)!r}, which exists; expected {expected}')
+
+
+def remove_recording(directory: Path) -> None:
+    """Remove a recording that RecordingWriter has written, and no other directory."""
+    names = {METADATA, f'{directory.name}.mcap'}
+    if directory.is_dir() and {entry.name for entry in directory.iterdir()} <= names:
+        for name in names:
+            (directory / name).unlink(missing_ok=True)
+        directory.rmdir()

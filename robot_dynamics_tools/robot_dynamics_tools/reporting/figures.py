@@ -63,6 +63,7 @@ STYLE = {
     'xtick.labelsize': 10.0, 'ytick.labelsize': 10.0, 'figure.titlesize': 12.0,
     'axes.grid': True, 'grid.color': '#DDDDDD', 'grid.linewidth': 0.6, 'axes.axisbelow': True,
     'axes.spines.top': False, 'axes.spines.right': False, 'figure.dpi': 110,
+    'text.parse_math': False,  # names of joints may contain dollars
 }
 COLUMN_WIDTH, ROW_HEIGHT = 4.7, 2.3
 """[inch]"""
@@ -195,7 +196,8 @@ def styled_figure(
 
 def title_axes(axes: 'Axes', title: str, note: str = '') -> None:
     """Put a title above axes, to the left, and a note in small letters between both."""
-    axes.set_title(title, loc='left', fontweight='bold', pad=20.0 if note else None)
+    axes.set_title(title, loc='left', fontweight='bold', pad=20.0 if note else None,
+                   parse_math=False)
     axes.annotate(note, (0.0, 1.0), (0.0, 4.0), 'axes fraction', 'offset points', fontsize=10)
 
 

@@ -8,7 +8,9 @@ The library tabulate is not used because it only aligns cells: the notation of t
 decimals, an exponent outside of [1e-3, 1e6)), which is most of this module, would still be needed.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+import textwrap
+from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -40,6 +42,51 @@ def text_table(
             cell.ljust(width) if left else cell.rjust(width)
             for cell, width, left in zip(row, widths, is_left)).rstrip()
         for row in lines)
+
+
+def folded_table(
+    names: Mapping[str, Sequence[str]], columns: Mapping[str, Sequence[str]], width: int,
+) -> str:
+    """
+    Return a table of at most `width` characters: columns that do not fit are in a table below.
+
+    Headings take several lines. Each table begins with the columns `names`, whose longest cells
+    lose their beginning, so that a third of the width suffices for them.
+    """
+    longest = max(width // 3 - 2, 8)
+    first = [_column(name, [cell if len(cell) <= longest else f'…{cell[1 - longest:]}'
+                            for cell in cells]) for name, cells in names.items()]
+    parts: list[list[_Column]] = []
+    left = 0
+    for column in (_column(*item) for item in columns.items()):
+        if not parts or column.width > left:
+            parts.append([*first])
+            left = width + 2 - sum(one.width for one in first)
+        parts[-1].append(column)
+        left -= column.width
+    return '\n'.join(_stacked(part, len(first)) for part in parts)
+
+
+class _Column(NamedTuple):
+    heading: list[str]
+    cells: Sequence[str]
+
+    @property
+    def width(self) -> int:
+        """With the space before it."""
+        return 2 + max(map(len, [*self.heading, *self.cells]))
+
+
+def _column(heading: str, cells: Sequence[str]) -> _Column:
+    return _Column(textwrap.wrap(
+        heading, max(map(len, cells)), break_long_words=False, break_on_hyphens=False), cells)
+
+
+def _stacked(columns: Sequence[_Column], left_columns: int) -> str:
+    depth = max(len(column.heading) for column in columns)
+    return text_table([], list(zip(*(
+        [*[''] * (depth - len(heading)), *heading, *cells] for heading, cells in columns))),
+        left_columns)
 
 
 def quantity_table(rows: Sequence[Sequence[str]]) -> str:

@@ -53,12 +53,15 @@ class Units(NamedTuple):
         """The units of position errors: mrad, mm."""
         return ', '.join(f'm{unit}' for unit in self.position.split(', '))
 
-    def table(self, headings: Sequence[str], columns: Mapping[str, Sequence[float | str]]) -> str:
+    def table(self, names: Sequence[str], columns: Mapping[str, Sequence[float | str]]) -> str:
         """Return a table of values by joint; `columns` have a unit in their headings."""
-        heads = ['joint', 'kind'] if self.kinds else ['joint']
-        rows = [[name, self.kinds[name], *values] if self.kinds else [name, *values]
-                for name, *values in zip(headings, *columns.values())]
-        return text_table([*heads, *columns], rows, left_columns=len(heads))
+        first = {'joint': names, **self.kind_column(names)}
+        rows = list(zip(*first.values(), *columns.values()))
+        return text_table([*first, *columns], rows, left_columns=len(first))
+
+    def kind_column(self, names: Sequence[str]) -> dict[str, Sequence[str]]:
+        """Return the column of the kinds of these joints, nothing if they do not differ."""
+        return {'kind': [self.kinds[name] for name in names]} if self.kinds else {}
 
 
 def answer_inverse(client: DynamicsClient, arguments: Namespace) -> Answer:

@@ -18,6 +18,7 @@ from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.ros.dynamics.silence import domain
 from robot_dynamics_interfaces.srv import InverseDynamicsBatch
 from robot_dynamics_tools.recordings.interrupts import uninterrupted
 from std_msgs.msg import String
@@ -98,7 +99,7 @@ class DynamicsClient:
             return wanted
         nodes = self._offering() if wanted else self.nodes()
         running = f'those that run: {", ".join(nodes)}' if nodes else (
-            'none runs; start one with: ros2 run robot_dynamics dynamics_node')
+            f'none runs with {domain()}; start one with: ros2 run robot_dynamics dynamics_node')
         if wanted:
             raise NoAnswerError(f'no dynamics node {wanted!r} in {self.timeout:g} s; {running}')
         if not nodes:

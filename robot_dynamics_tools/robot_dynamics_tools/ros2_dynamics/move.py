@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`ros2 dynamics move`, `pose`: publish a goal, wait until it is reached, report the errors."""
+"""`ros2 dynamics move`, `pose`: publish a goal, wait until the arm rests, report the errors."""
 
 from argparse import Namespace
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import json
 import math
@@ -39,12 +39,12 @@ AT_REST_TIME = 0.5
 _REFERENCE_TIME = 1.0
 """[s] within which a reference that is held is received."""
 _EARLY = 'ended early: '
-_RESTS = ' from its goal, '
-"""A part of the status `reference` if a joint does not follow."""
 FAR = 0.01
-"""[rad] or [m] from the goal at which the reason is asked for."""
-_STATUS_TIME = 3.0
-"""[s] within which the node states the reason."""
+"""[rad] or [m] from the goal at which a joint has not reached it."""
+STILL = {'prismatic': 4e-4}
+"""[m]: displacement within which a joint is at rest; of other joints 2e-3 rad."""
+REST_TIME = 0.5
+"""[s] by the stamps without motion after which the arm is at rest."""
 _RELIABLE = QoSProfile(depth=100)
 
 
@@ -52,10 +52,14 @@ class MotionWatch:
     """What a node publishes of its reference and of the arm, while `following` is entered."""
 
     def __init__(
-        self, client: DynamicsClient, names: Sequence[str], turns: Sequence[bool],
+        self, client: DynamicsClient, names: Sequence[str], kinds: Sequence[str],
     ) -> None:
-        """Watch the joints `names` of the node; `turns` is true for continuous joints."""
-        self._client, self._names, self._turns = client, list(names), np.array(turns, dtype=bool)
+        """Watch the joints `names` of the node, of these kinds."""
+        self.client, self.names = client, list(names)
+        self._turns = np.array([kind == 'continuous' for kind in kinds])
+        self.still = np.array([STILL.get(kind, 2e-3) for kind in kinds])
+        self.restless = np.zeros(len(names), dtype=bool)
+        """Which joints moved last."""
         self.position: dict[str, float] = {}
         """Measured positions by name, and the stamp [ns] of the newest."""
         self.position_ns = -1
@@ -74,7 +78,7 @@ class MotionWatch:
     @contextmanager
     def following(self) -> Iterator[None]:
         """Receive in `with`."""
-        client = self._client
+        client = self.client
         with client.subscribed(
                 (JointState, client.joint_state_topic(), self.on_state, qos_profile_sensor_data),
                 (JointState, client.resolve('~/reference'), self._on_reference, _RELIABLE),
@@ -84,19 +88,19 @@ class MotionWatch:
     def on_state(self, message: JointState) -> None:
         self.position |= {
             name: value for name, value in zip(message.name, message.position)
-            if name in self._names}
+            if name in self.names}
         self.position_ns = stamp_from_ros(message.header.stamp)
 
     def _on_reference(self, message: JointState) -> None:
         self._last_reference = time.monotonic()
-        order = [list(message.name).index(name) for name in self._names]
+        order = [list(message.name).index(name) for name in self.names]
         self.reference = (
             stamp_from_ros(message.header.stamp), tuple(message.position[i] for i in order),
             tuple(message.velocity[i] for i in order))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            if status.name == f'{self._client.name}: reference':
+            if status.name == f'{self.client.name}: reference':
                 values = {pair.key: pair.value for pair in status.values}
                 self.rejections = int(values['refused'])
                 self.rejection = values['refusal of the latest']
@@ -109,16 +113,16 @@ class MotionWatch:
 
     def wait_measured(self) -> None:
         """Wait for the measured positions; raise NoAnswerError."""
-        client = self._client
-        if not client.wait(lambda: len(self.position) == len(self._names)):
-            missing = ', '.join(name for name in self._names if name not in self.position)
+        client = self.client
+        if not client.wait(lambda: len(self.position) == len(self.names)):
+            missing = ', '.join(name for name in self.names if name not in self.position)
             raise NoAnswerError(
                 f'no joint states of {missing} on {client.joint_state_topic()} in '
                 f'{client.timeout:g} s')
 
     def wait_ready(self) -> None:
         """Wait for the measured positions and for diagnostics; raise NoAnswerError."""
-        client = self._client
+        client = self.client
         self.wait_measured()
         if not client.wait(lambda: self.rejections is not None):
             raise NoAnswerError(f'{client.name} sends no /diagnostics')
@@ -142,16 +146,16 @@ class MotionWatch:
 
         def is_taken() -> bool:
             if self.rejections != known:
-                raise ToolError(f'{self._client.name} rejected the goal: {self.rejection}')
+                raise ToolError(f'{self.client.name} rejected the goal: {self.rejection}')
             accepted, newest = self._accepted
             return accepted > count and self.reference is not None and (
                 goal is None or self.is_at(goal, newest))
 
-        if not self._client.wait(is_taken, max(self._client.timeout, 3.0)):
+        if not self.client.wait(is_taken, max(self.client.timeout, 3.0)):
             if self._accepted[0] > count:
                 self._raise_replaced()
             raise NoAnswerError(
-                f'{self._client.name} neither accepts nor rejects the goal; its status '
+                f'{self.client.name} neither accepts nor rejects the goal; its status '
                 f'`reference` is: {self._status}')
         self._goal = self._accepted[1] if goal is None else goal
         return self._goal
@@ -181,12 +185,12 @@ class MotionWatch:
             rest = 0.0 if self.is_at(goal, position) else AT_REST_TIME
             return now_ns - moving_ns > 1e9 * rest
 
-        self._client.wait(has_ended, math.inf)
+        self.client.wait(has_ended, math.inf)
         while not self.is_at(goal, self.reference[1]):
             self._check_other_end(self.reference[1])
-            self._client.wait(has_ended, math.inf)
+            self.client.wait(has_ended, math.inf)
         end_ns = self.reference[0]
-        self._client.wait(lambda: self.position_ns >= end_ns)
+        self.client.wait(lambda: self.position_ns >= end_ns)
 
     def check_following(self) -> None:
         """
@@ -198,17 +202,34 @@ class MotionWatch:
             raise ToolError(f'the motion ended early: {self._status.removeprefix(_EARLY)}')
         if len(self._goal) and not self.is_at(self._goal, self._accepted[1]):
             self._raise_replaced()
-        if time.monotonic() - self._last_reference > self._client.timeout:
+        if time.monotonic() - self._last_reference > self.client.timeout:
             raise NoAnswerError(
-                f'{self._client.name} has sent no ~/reference for {self._client.timeout:g} s; '
+                f'{self.client.name} has sent no ~/reference for {self.client.timeout:g} s; '
                 f'its status `reference` is: {self._status}')
 
-    def shortfall(self, goal: Sequence[float]) -> str:
-        """Return why a joint rests away from the goal, as the node states it, or nothing."""
-        if np.abs(self.error(goal, self.measured())).max() <= FAR:
-            return ''
-        self._client.wait(lambda: _RESTS in self._status, _STATUS_TIME)
-        return self._status if _RESTS in self._status else ''
+    def rest(self) -> Callable[[], int]:
+        """Return a function with the stamp [ns] since which no joint has moved."""
+        anchor, since_ns = self.measured(), self.position_ns
+
+        def resting_since() -> int:
+            nonlocal anchor, since_ns
+            moved = np.abs(self.error(anchor, self.measured())) > self.still
+            if moved.any():
+                anchor, since_ns, self.restless = self.measured(), self.position_ns, moved
+            return since_ns
+
+        return resting_since
+
+    def wait_rest(self) -> tuple[int, bool]:
+        """Return the stamp [ns] since which the arm rests, or the present one without rest."""
+        resting_since = self.rest()
+
+        def rests() -> bool:
+            self.check_following()
+            return self.position_ns - resting_since() >= 1e9 * REST_TIME
+
+        is_at_rest = self.client.wait(rests)
+        return resting_since() if is_at_rest else self.position_ns, is_at_rest
 
     def is_at(self, goal: Sequence[float], position: Sequence[float]) -> bool:
         """Return whether a reference has reached a goal."""
@@ -218,7 +239,7 @@ class MotionWatch:
         """Raise ToolError if the reference stays at rest; it may be one from before the goal."""
         assert self.reference is not None
         self._statuses = 0
-        self._client.wait(lambda: self._statuses > 1)
+        self.client.wait(lambda: self._statuses > 1)
         self.check_following()
         if self.reference[1] == position:
             raise ToolError(
@@ -232,7 +253,7 @@ class MotionWatch:
 
     def measured(self) -> list[float]:
         """Return the measured positions in the order of the node."""
-        return [self.position[name] for name in self._names]
+        return [self.position[name] for name in self.names]
 
 
 def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
@@ -242,27 +263,16 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
     names = client.joint_names()
     joints = client.joints()
     kinds = {name: joint.kind for name, joint in joints.items()}
-    watch = MotionWatch(client, names, [kinds.get(name) == 'continuous' for name in names])
+    watch = MotionWatch(client, names, [kinds.get(name, '') for name in names])
     with watch.following():
         watch.wait_ready()
         goal = joint_values('position', arguments.position, names, watch.position)
         limits = {name: joint.velocity_limit for name, joint in joints.items()}
         duration = _duration(arguments, names, limits, watch.error(goal, watch.measured()))
         with goal_publication(client, names) as publish:
-            try:
-                watch.wait_taken(goal, lambda: publish(goal, duration))
-                if not arguments.no_wait:
-                    with Progress(duration, 's') as progress:
-                        watch.wait_end(goal, progress.update)
-            except KeyboardInterrupt:
-                report = client.call(Trigger, 'stop', Trigger.Request()).message
-                return Answer(
-                    {'node': client.name, 'interrupted': True, 'stop': report},
-                    f'{client.name}: interrupted, called ~/stop: {report}', INTERRUPTED)
-        data = {'node': client.name, 'joint_names': names, 'goal': goal, 'duration': duration}
-        if arguments.no_wait:
-            return Answer(data, f'{client.name} follows a motion of {duration:.2f} s')
-        return _reached(watch, data, f'the end of a motion of {duration:.2f} s', kinds)
+            return _follow(
+                watch, kinds, lambda: watch.wait_taken(goal, lambda: publish(goal, duration)),
+                arguments.no_wait, duration)
 
 
 def answer_pose(client: DynamicsClient, arguments: Namespace) -> Answer:
@@ -275,31 +285,61 @@ def answer_pose(client: DynamicsClient, arguments: Namespace) -> Answer:
     place.x, place.y, place.z = arguments.translation
     turn.x, turn.y, turn.z, turn.w = [0.0] * 4 if not arguments.rpy else pin.Quaternion(
         pin.rpy.rpyToMatrix(*arguments.rpy)).coeffs().tolist()
-    watch = MotionWatch(client, names, [kinds.get(name) == 'continuous' for name in names])
+    watch = MotionWatch(client, names, [kinds.get(name, '') for name in names])
     with watch.following(), publication(client, PoseStamped, '~/pose_reference') as publish:
         watch.wait_ready()
-        goal = watch.wait_taken(None, lambda: publish(message))
-        data = {'node': client.name, 'joint_names': names, 'goal': list(goal)}
-        if arguments.no_wait:
-            return Answer(data, f'{client.name} moves to the pose')
-        watch.wait_end(goal, lambda _: None)
-        return _reached(watch, data, 'the pose', kinds)
+        return _follow(
+            watch, kinds, lambda: watch.wait_taken(None, lambda: publish(message)),
+            arguments.no_wait)
 
 
-def _reached(
-    watch: MotionWatch, data: dict[str, Any], what: str, kinds: Mapping[str, str],
+def _follow(
+    watch: MotionWatch, kinds: Mapping[str, str], take: Callable[[], Sequence[float]],
+    no_wait: bool, duration: float = 0.0,
 ) -> Answer:
-    """Return the answer of a motion that has ended at data['goal']."""
-    names, goal, position = data['joint_names'], data['goal'], watch.measured()
-    error = watch.error(goal, position).tolist()
-    units, shortfall = Units.of(names, kinds), watch.shortfall(goal)
-    data |= {'shortfall': shortfall, 'position': position, 'error': error}
+    """
+    Wait until the node has taken a goal, and until the arm rests; an interrupt stops the arm.
+
+    `take` returns the goal; `duration` [s] is that of the motion, 0 if unknown.
+    """
+    client, start_ns = watch.client, watch.position_ns
+    try:
+        goal = take()
+        data = {'node': client.name, 'joint_names': watch.names, 'goal': list(goal),
+                'duration': duration}
+        if no_wait:
+            of = f' of {duration:.2f} s' if duration else ''
+            return Answer(data, f'{client.name} follows a motion{of}')
+        with Progress(duration, 's') as progress:
+            watch.wait_end(goal, progress.update if duration else lambda _: None)
+        end_ns, is_at_rest = watch.wait_rest()
+    except KeyboardInterrupt:
+        report = client.call(Trigger, 'stop', Trigger.Request()).message
+        return Answer(
+            {'node': client.name, 'interrupted': True, 'stop': report},
+            f'{client.name}: interrupted, called ~/stop: {report}', INTERRUPTED)
+    data |= {'time': 1e-9 * (end_ns - start_ns), 'at_rest': is_at_rest}
+    return _reached(watch, data, kinds)
+
+
+def _reached(watch: MotionWatch, data: dict[str, Any], kinds: Mapping[str, str]) -> Answer:
+    """Return the answer of a motion to data['goal'] that has ended."""
+    names, goal, position = watch.names, data['goal'], watch.measured()
+    error, units = watch.error(goal, position), Units.of(names, kinds)
+    away = [name for name, one in zip(names, np.abs(error)) if one > FAR]
+    data |= {'position': position, 'error': error.tolist()}
+    text = (f'{data["node"]}: {"at rest" if data["at_rest"] else "still moving"} after '
+            f'{data["time"]:.2f} s' + (f', {", ".join(away)} not at the goal' if away else ''))
     return Answer(
-        data, f'{data["node"]} reached {what}\n'
-        + units.table(names, {
-            f'goal [{units.position}]': goal, f'position [{units.position}]': position,
-            f'error [{units.error}]': [1e3 * each for each in error]})
-        + (f'\n{shortfall}' if shortfall else ''), 1 if shortfall else 0)
+        data, f'{text}\n' + units.table(names, {
+            f'goal [{units.position}]': _cells(goal),
+            f'reached [{units.position}]': _cells(position),
+            f'error [{units.error}]': _cells(1e3 * error)}),
+        1 if away or not data['at_rest'] else 0)
+
+
+def _cells(values: Iterable[float]) -> list[str]:
+    return [f'{round(value, 4) + 0.0:.4f}' for value in values]  # no -0.0000
 
 
 def _duration(

@@ -21,7 +21,7 @@ from robot_dynamics_interfaces.msg import DynamicsTerms
 from robot_dynamics_tools.recorder import Recorder, TopicSpec, write_description
 from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm
 from robot_dynamics_tools.recordings.topics import check_type, TopicQos
-from robot_dynamics_tools.recordings.writer import RecordingWriter
+from robot_dynamics_tools.recordings.writer import prepare_recording, RecordingWriter
 from robot_dynamics_tools.reporting.text_table import text_table
 from robot_dynamics_tools.ros2_dynamics.answers import Answer
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
@@ -41,9 +41,7 @@ def answer_record(client: DynamicsClient, arguments: Namespace) -> Answer:
     seconds = None if arguments.duration is None else check_scalar(
         '--duration', arguments.duration, 0.0, exclusive_minimum=True)
     directory = arguments.output or Path(f'recording-{datetime.now():%Y%m%d-%H%M%S}')
-    if directory.exists():
-        raise InvalidInputError(f'--output is {str(directory)!r}, which exists; expected a new '
-                                'directory')
+    prepare_recording(directory, '--output', arguments.force)
     specs = topic_specs(client, arguments.topics)
     urdf = _description(client)
     with interrupted_by_sigterm(), RecordingWriter(directory) as writer:

@@ -6,8 +6,8 @@
 from argparse import Namespace
 from collections import Counter
 
-from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware.conversions import trajectory_from_ros, trajectory_to_ros
+from robot_dynamics.tools import command_line
 from robot_dynamics.trajectories.files import read_trajectory, write_trajectory
 from robot_dynamics_interfaces.srv import RetimeTrajectory
 from robot_dynamics_tools.reporting.text_table import text_table
@@ -18,6 +18,8 @@ from robot_dynamics_tools.ros2_dynamics.joint_arguments import joint_values
 
 def answer_retime(client: DynamicsClient, arguments: Namespace) -> Answer:
     """Retime a trajectory in a file, and write the result to another one."""
+    if arguments.output is not None:
+        command_line.prepare_file(arguments.output, arguments.force)
     names = client.joint_names()
     trajectory = read_trajectory(arguments.file, names)
     limits = joint_values('acceleration', arguments.acceleration, names) if (
@@ -40,11 +42,8 @@ def answer_retime(client: DynamicsClient, arguments: Namespace) -> Answer:
              text_table(['joint', 'closest to its limit', 'share of the points'], rows),
              *(f'warning: {warning}' for warning in response.warnings)]
     if arguments.output is not None:
-        try:
-            write_trajectory(arguments.output, trajectory_from_ros(response.trajectory, names))
-        except OSError as error:
-            raise InvalidInputError(
-                f'--output {str(arguments.output)!r} cannot be written: {error}') from None
+        with command_line.writing(arguments.output) as new:
+            write_trajectory(new, trajectory_from_ros(response.trajectory, names))
         data['output'] = str(arguments.output)
         lines.append(f'{points} points are written to {arguments.output}')
     return Answer(data, '\n'.join(lines))

@@ -85,7 +85,7 @@ def _listed(values: Sequence[float]) -> str:
 
 
 def _measured_position(client: DynamicsClient, names: Sequence[str]) -> list[float]:
-    watch = MotionWatch(client, names, [False] * len(names))
+    watch = MotionWatch(client, names, [''] * len(names))
     with watch.following():
         watch.wait_measured()
     return watch.measured()

@@ -21,6 +21,7 @@ TOOLS: Mapping[str, Tool] = {
     'analyze': Tool('Compare recorded efforts with those of the model'),
     'animate': Tool('Animate a planar arm, or a recording of one'),
     'calibrate_gravity': Tool('Calibrate effort scale and offset from static holds'),
+    'connect': Tool('Check a robot, and write a parameter file for dynamics_node'),
     'demo': Tool('Close the loop with simulated_arm, record it, and report', 'demo.cli'),
     'estimate_payload': Tool('Estimate what is attached to a link from recordings'),
     'excite': Tool('Find a motion that excites all parameters'),

@@ -63,6 +63,7 @@ _TRANSITION = '--transition', number(
     0.0, 'SECONDS', 'Time over which a payload replaces the one on its link [s]')
 _NO_WAIT = '--no-wait', _flag(
     'Return as soon as the node follows the motion, and do not wait for its end')
+_FORCE = '--force', _flag('Replace an output that exists; without it, that is an error')
 _XYZ = 'X', 'Y', 'Z'
 
 VERBS: Mapping[str, Verb] = {
@@ -114,7 +115,7 @@ VERBS: Mapping[str, Verb] = {
             ('--stop', _flag('End the estimation')), _TRANSITION)),
     'status': Verb('How the node is: lifecycle, command, payload, diagnostics', 'orders', (
         ('-v', '--verbose', _flag('Print the values of each check too')),)),
-    'move': Verb('Move the arm to a position, and report the position that it reached', 'move', (
+    'move': Verb('Move the arm to a position, wait for rest, and report the errors', 'move', (
         ('position', _word(
             'POSITION', f'Goal [rad] or [m]: {_ANY_ORDER}. Joints that are left out by name keep '
             'their measured position', nargs='+')),
@@ -127,7 +128,7 @@ VERBS: Mapping[str, Verb] = {
             '60 %% of the limits in the URDF, also for joints that are left out by name)')),
         _NO_WAIT)),
     'pose': Verb(
-        'Move a link to a pose, and report the position that the joints reached', 'move', (
+        'Move a link to a pose, wait for rest, and report the errors', 'move', (
             ('translation', number(
                 None, 'COORDINATE',
                 'X, Y and Z of the frame of the node (its parameter cartesian.frame) [m]',
@@ -152,6 +153,7 @@ VERBS: Mapping[str, Verb] = {
             ('-o', '--output', _word(
                 'FILE', 'File for the result. Without it, only the summary is printed',
                 type=Path)),
+            _FORCE,
             ('--method', _word(
                 'METHOD', 'fastest, the fastest timing of the path, or slow_down, a uniform '
                 'slow-down (default: %(default)s)', default='fastest')),
@@ -179,6 +181,7 @@ VERBS: Mapping[str, Verb] = {
         ('-o', '--output', _word(
             'DIR', 'New directory for the recording (rosbag2, MCAP; default: recording-<time>)',
             type=Path)),
+        _FORCE,
         ('--duration', number(
             None, 'S', 'Duration of the recording [s]. Without it, Ctrl-C ends the recording')))),
 }
@@ -203,9 +206,9 @@ def run(
     """
     Answer a verb by a client for the node and the timeout asked for; return the exit status.
 
-    0: answered; 1: answered with errors (`check`, `status`), or the motion of `move` was rejected
-    or ended early; 2: no node, or it refused; 130: `move` was interrupted. One line on stderr
-    explains an error.
+    0: answered; 1: answered with errors (`check`, `status`), or the motion of `move` was rejected,
+    ended early or left a joint away from its goal; 2: no node, or it refused; 130: interrupted.
+    One line on stderr explains an error.
     """
     def answer() -> int:
         module = import_module(f'robot_dynamics_tools.ros2_dynamics.{VERBS[name].module}')

@@ -7,6 +7,7 @@ from argparse import Namespace
 from collections.abc import Sequence
 import json
 import math
+import shutil
 import sys
 import time
 from typing import Any
@@ -15,7 +16,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import qos_profile_sensor_data
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics.validation import check_scalar
-from robot_dynamics_tools.reporting.text_table import json_numbers, percent
+from robot_dynamics_tools.reporting.text_table import folded_table, json_numbers, percent
 from robot_dynamics_tools.ros2_dynamics.answers import Units
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, MONITOR, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.orders import values_at_rest
@@ -103,8 +104,8 @@ class JointTable:
             'effort_minus_gravity': difference, 'external_effort': column('external_effort'),
             **at_rest}
 
-    def text(self) -> str:
-        """Return the table under a line with the age of the values."""
+    def text(self, width: int | None = None) -> str:
+        """Return the table, of a `width` [characters], below a line with the age of the values."""
         data, units = self.data(), self._units
         per_second = ', '.join(f'{unit}/s' for unit in units.position.split(', '))
         columns: dict[str, Sequence[float | None]] = {
@@ -126,9 +127,11 @@ class JointTable:
         age = time.monotonic() - self._received
         state = f'stamp {data["stamp"]:.3f} s' + (
             f', no joint states for {age:.1f} s' if age > STALE_TIME else '')
-        return f'{self._client.name}: {state}\n' + units.table(self._names, {
-            heading: [_cell(value, heading) for value in values]
-            for heading, values in columns.items()})
+        cells = {heading: [_cell(value, heading) for value in values]
+                 for heading, values in columns.items()}
+        table = units.table(self._names, cells) if width is None else folded_table(
+            {'joint': self._names, **units.kind_column(self._names)}, cells, width)
+        return f'{self._client.name}: {state}'[:width] + f'\n{table}'
 
 
 def _cell(value: float | None, heading: str) -> str:
@@ -153,7 +156,8 @@ def answer_watch(client: DynamicsClient, arguments: Namespace) -> None:
                       f'{client.start_of_monitor}', file=sys.stderr)
             rewrites, lines, printed = sys.stdout.isatty() and not arguments.json, 0, 0
             while True:
-                text = json.dumps(table.data()) if arguments.json else table.text()
+                width = shutil.get_terminal_size().columns if rewrites else None
+                text = json.dumps(table.data()) if arguments.json else table.text(width)
                 if rewrites and lines:
                     print(f'\x1b[{lines}F\x1b[J', end='')  # up to the first line, erase below
                 elif lines and not arguments.json:

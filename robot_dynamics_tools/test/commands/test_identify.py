@@ -204,8 +204,8 @@ def test_the_samples_of_the_test_part_are_exported(output):
 
 def test_effort_that_is_current(tmp_path, urdf, capsys):
     record(tmp_path / 'bag', gain=8.0, duration=12.0, off=0.0)
-    assert run(tmp_path, urdf) == DONE
-    assert 'in another unit, use --effort current' in ' '.join(capsys.readouterr().out.split())
+    assert run(tmp_path, urdf) == MISTAKE
+    assert 'in another unit, use --effort current' in ' '.join(capsys.readouterr().err.split())
     assert run(tmp_path, urdf, '--effort', 'current', '--force') == DONE
     values = read_parameter_file(tmp_path / 'out' / 'identified.yaml')
     assert values['measured_effort'] == 'motor_current'
@@ -213,6 +213,13 @@ def test_effort_that_is_current(tmp_path, urdf, capsys):
     # the masses of the URDF are the reference, and they are correct here
     assert values['actuator.torque_constant'] == pytest.approx([8.0, 8.0], rel=0.02)
     assert max(figures_of(tmp_path / 'out')['residual']['consistent']['test']) < 0.05
+
+
+def test_a_dry_run_says_what_is_observable_and_writes_nothing(tmp_path, short, urdf, capsys):
+    assert main([str(short), '--urdf', str(urdf), '--output', str(tmp_path / 'out'),
+                 '--dry-run']) == DONE
+    assert '7 of 7 base parameters' in ' '.join(capsys.readouterr().out.split())
+    assert not (tmp_path / 'out').exists()
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [

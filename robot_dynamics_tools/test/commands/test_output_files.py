@@ -54,6 +54,30 @@ def test_a_file_that_cannot_be_written_is_named(name, tmp_path, capsys):
     assert capsys.readouterr().err.splitlines()[-1].startswith(f'{name.split()[0]}: cannot write ')
 
 
+@pytest.mark.parametrize('name', ['animate', 'torque_map'])
+def test_a_robot_does_not_choose_where_its_file_goes(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    evil = default_arm_urdf().replace('planar_arm', '../../evil &lt;b>')
+    Path('evil.urdf').write_text(evil.replace('"joint1"', r'"$\x$"'), encoding='utf-8')
+    main, _, arguments = QUICK[name if name in QUICK else f'{name} -o']
+    assert main([*arguments[:-2 if '-o' in arguments else None], '--urdf', 'evil.urdf']) == 0
+    assert [path.name.partition('_gravity')[0] for path in Path('out').iterdir()] == [
+        {'animate': '.._.._evil__b_.gif', 'torque_map': '.._.._evil__b_'}[name]]
+
+
+@pytest.mark.parametrize('error', [OSError(28, 'No space left on device'), KeyboardInterrupt()])
+def test_no_half_written_file_is_left(tmp_path, monkeypatch, capsys, error):
+    def write(path: Path, content: bytes) -> None:
+        path.write_text('half')
+        raise error
+
+    monkeypatch.setattr(Path, 'write_bytes', write)
+    assert planar_urdf.main(['-o', str(tmp_path / 'x')]) == (
+        1 if isinstance(error, OSError) else 130)
+    assert capsys.readouterr().err.count('\n') == 1
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_device_is_no_file(capfd):
     assert planar_urdf.main(['-o', '/dev/stdout']) == 0
     assert capfd.readouterr().out == default_arm_urdf()

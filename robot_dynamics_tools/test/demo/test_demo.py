@@ -15,8 +15,8 @@ import pytest
 from report_page import ReportPage
 from robot_dynamics.model_check.html_page import Grade
 from robot_dynamics_tools.demo.cli import _make_directory, main
-from robot_dynamics_tools.demo.processes import choose_domain
 from robot_dynamics_tools.demo.report import tracking_verdict
+from robot_dynamics_tools.processes import choose_domain
 from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.reporting.progress import Progress
 from ros_harness import TIMEOUT, wait_until

@@ -134,9 +134,10 @@ def test_drives_stay_in_the_parameters(found):
     assert values['effort.report_scale'] == [0.7, 1.3]
     assert values['effort.report_offset'] == [8.0, -4.0]
     # τ = G s (i − o): as joint effort, the offset of the current i is G o
-    values = parameter_values(arm, fit, [10.0, 5.0])
-    assert values['effort.report_scale'] == [0.7, 1.3]
+    values = parameter_values(arm, fit, [10.0, -5.0])
+    assert values['effort.report_scale'] == [0.7, -1.3]
     assert values['effort.report_offset'] == [80.0, -20.0]
+    assert values['actuator.torque_constant'] == [10.0, 5.0]
     assert values['effort.command_offset'] == [0.5, 0.5]
     assert not any(name.startswith('effort.') for name in parameter_values(ARM, fit))
 
@@ -229,7 +230,8 @@ def test_a_gain_without_a_load_cannot_be_identified():
 def test_gains_that_differ_are_no_torque():
     def gains(*values, known=True):
         size = np.array(values)
-        return GainEstimate(size, 0.01 * size, np.full(len(size), known), 0.01 * size)
+        return GainEstimate(
+            size, 0.01 * size, np.full(len(size), known), 0.01 * size, np.ones(len(size)))
 
     assert gains(0.05, 0.3, 2.0, 5.0).differ
     assert gains(1.0, 1.0, 4.1, 4.1).differ  # the median of the ratios is more than 2

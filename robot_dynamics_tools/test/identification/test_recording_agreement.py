@@ -12,10 +12,9 @@ import pytest
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_for_arm
+from robot_dynamics_tools.analysis.contradictions import far_from_urdf, gravity_ratios
 from robot_dynamics_tools.analysis.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics_tools.identification.pipeline import Identification, identify
-from robot_dynamics_tools.identification.recording_agreement import far_from_urdf, gravity_ratios
-from robot_dynamics_tools.identification.regularized_fit import Fit
 from robots import arm_without_gripper, robot_urdf
 
 UR10 = Path(__file__).parents[3] / '../shared/data/ur10'
@@ -59,7 +58,8 @@ def test_the_recording_of_another_arm_is_named(urdf, names, odd):
     ('ur5', 'ur10', True), ('ur10', 'ur5', True), ('ur10', 'ur10', False),
     ('panda', 'panda', False), ('default', 'default', False)])
 def test_the_urdf_of_another_arm_is_named(urdf, name, is_far):
-    causes = identified(urdf, name).contradictions
+    (recording,) = identified(urdf, name).recordings
+    causes = recording.facts.contradictions
     assert ['another URDF' in cause for cause in causes] == [True] * is_far
 
 
@@ -68,15 +68,15 @@ def test_the_urdf_of_another_arm_is_named(urdf, name, is_far):
 @pytest.mark.parametrize(('urdf', 'is_far'), [('ur10', False), ('ur5', True)])
 def test_the_urdf_of_another_arm_is_named_for_a_real_arm(urdf, is_far):
     read = read_for_arm(UR10, AnalysisSettings(urdf=robot_urdf(urdf)))
-    causes = identify(read.arm, [filter_motion(read.series)]).contradictions
+    (recording,) = identify(read.arm, [filter_motion(read.series)]).recordings
+    causes = recording.facts.contradictions
     assert ['another URDF' in cause for cause in causes] == [True] * is_far
 
 
 @pytest.mark.parametrize('factor', [0.3, 1.0, 1.9, 2.1])
 def test_the_gravity_ratio_of_heavier_bodies_is_the_ratio_of_their_masses(factor):
     arm = arm_without_gripper('ur10')
-    fit = Fit(factor * inertial_parameters(arm), np.zeros((6, 1)), ())
-    ratios = gravity_ratios(arm, fit, random_states(arm, 20)[0])
+    ratios = gravity_ratios(arm, factor * inertial_parameters(arm), random_states(arm, 20)[0])
     # shoulder_pan is vertical, and the last wrist bears nothing
     assert ratios == pytest.approx(np.array([1.0, factor, factor, 1.0, 1.0, 1.0]))
     assert bool(far_from_urdf(arm.joint_names, ratios)) == (not 0.5 <= factor <= 2.0)

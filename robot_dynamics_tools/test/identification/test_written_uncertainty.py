@@ -100,7 +100,7 @@ def test_the_interval_contains_95_percent_of_the_recorded_and_of_other_samples(m
     share = share_inside(arm, *(
         np.concatenate([getattr(each, name) for each in shown])
         for name in ('position', 'velocity', 'acceleration', 'measured')))
-    assert (share > 0.9545 - 0.005).all()
+    assert (share > 0.9545 - 0.015).all()
     assert (share[1] < 0.98).all()
     states = motion(ARM, 100.0, 30.0, 20)
     new = recorded(ARM, states, effort_of(states) + lugre_friction(states), NOISE, 1)

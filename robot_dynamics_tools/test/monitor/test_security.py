@@ -91,6 +91,17 @@ def test_the_policy_allows_drives_no_other_nodes_and_one_controller():
         'dynamics']
 
 
+def test_the_page_lists_what_moves_the_arm():
+    page = (ROOT / 'docs' / 'security.md').read_text(encoding='utf-8').partition('## Limits')[0]
+    harmless = re.compile('.*/(get|describe|list|inverse|forward|manipulator|retime|task)_.*')
+    names = [name for kind in ('subscribe', 'reply', 'execute')
+             for name in allowed('dynamics', kind) if not harmless.match(name)]
+    assert len(names) == 15
+    for name in names:
+        name = name.replace('/dynamics/', '~/') if name != '/clock' else name
+        assert f'`{name.removeprefix("/")}`' in page or f'`{name}`' in page, name
+
+
 @pytest.mark.parametrize('files', [(), FILES], ids=['missing', 'invalid'])
 def test_a_node_without_the_required_security_ends(tmp_path, files):
     """No node starts unprotected: a node ends if keys are missing or invalid."""

@@ -30,7 +30,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def options(link: str = 'tool0') -> list[str]:
-    return ['--urdf', str(robot_path('ur10')), '--link', link]
+    return ['--urdf', str(robot_path('ur10')), '--link', link, '--scale-deviation', '0']
 
 
 def test_the_load_of_a_recording(bag, capsys):
@@ -46,6 +46,10 @@ def test_the_load_of_a_recording(bag, capsys):
     assert max(figures['residual_by_effort']) < 0.2
     assert main([str(bag), *options()]) == 0
     text = capsys.readouterr().out
+    assert main([str(bag), *options()[:-2], '--json']) == 1  # by default, scales may be wrong
+    other = json.loads(capsys.readouterr().out)
+    assert other['deviations'][1] > 1.5 * figures['deviations'][1]
+    assert 'calibrate_gravity with a known weight' in other['advice'][0]
     for words in ('centre of mass', 'observable', 'friction cancels', 'torque constant', 'mx'):
         assert words in text
 

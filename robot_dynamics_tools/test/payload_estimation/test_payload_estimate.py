@@ -146,7 +146,7 @@ def test_one_hold_leaves_moments_open_and_the_advice_closes_them():
     assert first.advice
     assert all('move ' in one or 'hold the poses' in one for one in first.advice[:1])
     # the advice of a single joint: the same estimator, after that joint has moved
-    estimator = PayloadEstimator(case.arm, case.link, CUTOFF)
+    estimator = PayloadEstimator(case.arm, case.link, CUTOFF, 0.0)
     estimator.add(*samples[:4], measured(case, samples))
     position, t = POSE, samples.t
     for i in range(6):
@@ -246,6 +246,26 @@ def test_too_large_efforts_change_the_mass_as_stated():
     assert any('torque constant' in remark for remark in wrong.remarks)
 
 
+@pytest.mark.parametrize('name', ['ur10', 'panda'])
+def test_drives_that_were_not_calibrated_are_in_the_deviations(name):
+    """Scales up to 30 % and offsets up to 3 % of the limit off; one hold does not suffice."""
+    squares = list[float]()
+    for seed in range(5):
+        case = hidden_load(name, seed)
+        rng, samples = np.random.default_rng(seed), holds(case, 8, both_sides=True)
+        n, limit = case.arm.joint_count, case.arm.limits.effort
+        scale, offset = rng.uniform(0.7, 1.3, n), rng.uniform(-0.03, 0.03, n) * limit
+        found = estimated(
+            case, samples, measured(case, samples) / scale + offset, scale_deviation=0.3)
+        squares += [error**2 for i, error in errors_in_deviations(case, found).items() if i < 4]
+    assert any('torque constant' in remark for remark in found.remarks)
+    assert 0.2 < np.mean(squares) < 2.0
+    short = one_hold(case, np.zeros(n))
+    alone = estimated(case, short, measured(case, short), True, scale_deviation=0.3)
+    assert alone.verdicts[0] == 'not observable'
+    assert 'calibrate_gravity' in alone.advice[0]
+
+
 def test_impossible_estimates_are_reported_and_not_clipped():
     case = hidden_load('ur10', seed=7)
     heavy = case._replace(arm=case.arm.with_payloads([replace(case.load, mass=2.0)]))
@@ -278,7 +298,7 @@ def test_samples_in_parts_give_the_estimate_of_all_samples():
     case = hidden_load('panda', seed=1)
     samples = holds(case, 3, both_sides=True)
     effort = measured(case, samples)
-    estimator = PayloadEstimator(case.arm, case.link, CUTOFF)
+    estimator = PayloadEstimator(case.arm, case.link, CUTOFF, 0.0)
     empty = estimator.estimate()
     assert set(empty.verdicts) == {'not observable'}
     assert empty.duration == 0.0

@@ -54,6 +54,15 @@ def figures():
     return page._scripts, added
 
 
+def test_markup_in_names_of_a_model_never_reaches_a_page():
+    name = '</script><img src=x $\\frac$>'
+    page = Page(name, [Verdict(name, Grade.GOOD, name, name)], name, Origin(name, name, name))
+    page.items([name])
+    arm = SimpleNamespace(joint_names=(name, name), joint_kinds=TWO.joint_kinds)
+    add_time_figures(page, arm, name, [PANEL], name)
+    assert '<img src=x' not in page.html()
+
+
 def test_without_bokeh_the_static_figure_remains_with_the_command(monkeypatch):
     for name in ['bokeh', *(name for name in sys.modules if name.startswith('bokeh.'))]:
         monkeypatch.setitem(sys.modules, name, None)

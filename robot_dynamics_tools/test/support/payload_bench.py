@@ -146,9 +146,10 @@ def measured(case: Case, samples: Samples, noise: float = NOISE, gain: float = 1
 
 def estimated(
     case: Case, samples: Samples, effort: np.ndarray, with_advice: bool = False,
+    scale_deviation: float = 0.0,
 ) -> PayloadEstimate:
-    """Return the estimate of the load of a case."""
-    estimator = PayloadEstimator(case.arm, case.link, CUTOFF)
+    """Return the estimate of the load of a case, by default with exact effort scales."""
+    estimator = PayloadEstimator(case.arm, case.link, CUTOFF, scale_deviation)
     estimator.add(samples.t, samples.q, samples.v, samples.a, effort)
     return estimator.estimate(with_advice)
 

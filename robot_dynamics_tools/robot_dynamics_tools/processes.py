@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The nodes of the demo as separate processes, in a ROS domain that no other process uses."""
+"""Nodes as separate processes that end with their tool; a ROS domain that no other uses."""
 
 from collections.abc import Callable, Mapping, Sequence
 import ctypes
@@ -15,7 +15,7 @@ import sys
 import time
 from typing import Any
 
-from robot_dynamics.tools.command_line import ToolError
+from robot_dynamics.tools.command_line import ToolError, write_file
 
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
@@ -32,13 +32,13 @@ _PR_SET_PDEATHSIG = 1  # of prctl(2), linux/prctl.h
 _DOMAINS = range(1, 102)  # higher domains use the ephemeral ports of the system
 
 
-class DemoError(ToolError):
-    """The demo cannot continue; the message has the reason and the last lines of a log."""
+class NodeError(ToolError):
+    """A node failed; the message has the reason and the last lines of its log."""
 
 
 def choose_domain(environment: Mapping[str, str]) -> dict[str, str]:
     """
-    Return the environment variables that isolate the demo from other ROS nodes.
+    Return the environment variables that isolate a tool from other ROS nodes.
 
     Variables of the user are not changed. A domain is free if the port of its first participant
     is unused (7410 + 250 × domain, OMG DDSI-RTPS 2.3, section 9.6.1).
@@ -66,7 +66,7 @@ def _ends_with_parent() -> Callable[[], None] | None:
     """
     Return a function for a new process: SIGTERM ends it when this process ends, on Linux.
 
-    Thus no node remains even if the demo is killed. The signal is sent when the thread that has
+    Thus no node remains even if the tool is killed. The signal is sent when the thread that has
     started the process ends, therefore it must be the main thread.
     """
     if sys.platform != 'linux':
@@ -104,17 +104,17 @@ class NodeProcess:
         for each in files:
             command += ['--params-file', str(each.resolve())]
         with self.log.open('wb') as log:
-            # In a new session, so that Ctrl-C reaches the demo only, which stops its nodes.
+            # In a new session, so that Ctrl-C reaches the tool only, which stops its nodes.
             self._process = subprocess.Popen(
                 command, env={**os.environ, 'PYTHONUNBUFFERED': '1'}, stdin=subprocess.DEVNULL,
                 stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
                 preexec_fn=_ends_with_parent())
 
     def check(self) -> None:
-        """Raise DemoError if the process has ended."""
+        """Raise NodeError if the process has ended."""
         status = self._process.poll()
         if status is not None:
-            raise DemoError(
+            raise NodeError(
                 f'{self.name} ended with status {status}. Its log ends with:\n{self.last_lines()}')
 
     def text(self) -> str:
@@ -141,14 +141,13 @@ class NodeProcess:
 
 def _written(file: Path, parameters: Mapping[str, object]) -> Path:
     # JSON is YAML in which no name or number can be read as another type.
-    file.write_text(
-        json.dumps({'/**': {'ros__parameters': dict(parameters)}}, indent=2) + '\n',
-        encoding='utf-8')
+    write_file(
+        file, json.dumps({'/**': {'ros__parameters': dict(parameters)}}, indent=2) + '\n')
     return file
 
 
 class Nodes:
-    """All processes of the demo."""
+    """All processes of a tool."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
@@ -162,7 +161,7 @@ class Nodes:
         return process
 
     def check(self) -> None:
-        """Raise DemoError if a node has ended."""
+        """Raise NodeError if a node has ended."""
         for process in self._processes:
             process.check()
 

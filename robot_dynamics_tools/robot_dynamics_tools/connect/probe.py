@@ -1,0 +1,221 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The active part: a `dynamics` node with the new file holds the arm, and moves each joint a little.
+
+The node is started for this, in the namespace /connect: what is tried is then the file that is
+written, and not the parameters of a node that happens to run.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+import re
+import sys
+from tempfile import TemporaryDirectory
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import RigidBody
+from robot_dynamics.monitoring.drive_verdicts import AGREES
+from robot_dynamics.monitoring.drive_verdicts import UNKNOWN as UNSEEN
+from robot_dynamics.ros.middleware.diagnostics import STIFFNESS, values_per_joint
+from robot_dynamics.tools.command_line import ToolError
+from robot_dynamics_tools.connect.checks import BAD, Checklist, Settings, UNKNOWN
+from robot_dynamics_tools.connect.gravity import is_scale
+from robot_dynamics_tools.gravity_calibration.holds import per_joint
+from robot_dynamics_tools.processes import DYNAMICS, NodeProcess, STOP_TIMEOUT
+from robot_dynamics_tools.recordings.interrupts import uninterrupted
+from robot_dynamics_tools.reporting.progress import Progress
+from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
+from robot_dynamics_tools.ros2_dynamics.move import goal_publication, MotionWatch
+from sensor_msgs.msg import JointState
+
+NAMESPACE = '/connect'
+NODE = f'{NAMESPACE}/dynamics'
+STEP = 0.02, 0.005
+"""[rad], [m]: displacement of a probe."""
+START_TIME = 30.0
+"""[s] that the node may take to start."""
+MOVE_TIME, HOLD_TIME = 0.5, 2.0
+"""[s] of the motion of a probe, and of holding before the first one."""
+LIMIT_FRACTION = 0.5
+"""Of the effort limits, to which the command is clamped."""
+LARGEST_SHARE = 0.4
+"""Largest share of the effort limit that gravity may take at the pose of the probes."""
+LEAST_SHARE, NEAR = 0.05, 0.15
+"""Gravity by the effort limit from which a probe shows the command; and its largest error."""
+RATE_SHARE, LEAST_GAINS = 'share of the gains that the state rate allows', 0.5
+QUESTION = (
+    'A dynamics node now holds the arm with at most {share:.0%} of its effort limits, and moves '
+    'each joint by {step}.\nThen the command ends: brakes, or the controller of the robot, must '
+    'hold the arm. Keep the emergency stop\nat hand. Ctrl-C stops the arm. Type yes and press '
+    'Enter to begin: ')
+
+
+def confirm() -> None:
+    """Ask on the terminal; raise ToolError unless the user types yes."""
+    print(QUESTION.format(share=LIMIT_FRACTION, step=f'{STEP[0]:g} rad or {STEP[1]:g} m'), end='',
+          flush=True)
+    if sys.stdin.readline().strip().lower() != 'yes':
+        raise ToolError('not confirmed; the arm has not moved')
+
+
+@contextmanager
+def holding_node(parameters: str, urdf: str, remaps: Sequence[str]) -> Iterator[NodeProcess]:
+    """Run `dynamics_node` with a parameter file and a URDF; at the end the arm stops first."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for file, text in (('arm.yaml', parameters), ('arm.urdf', urdf)):
+            (folder / file).write_text(text, encoding='utf-8')
+        node = NodeProcess('dynamics', DYNAMICS, {
+            'robot_description_file': str(folder / 'arm.urdf'), 'command': 'computed_torque',
+            'effort_limit_fraction': LIMIT_FRACTION}, folder, folder / 'arm.yaml', [
+                '--ros-args', *(word for remap in [f'__ns:={NAMESPACE}', *remaps]
+                                for word in ('-r', remap)), '--'])
+        try:
+            yield node
+        except NoAnswerError as error:
+            raise ToolError(f'{error}; its log ends with:\n{node.last_lines()}') from None
+        finally:
+            with uninterrupted():
+                node.interrupt()
+                node.wait(time.monotonic() + STOP_TIMEOUT)
+                print('The arm has stopped, and the command has ended.', file=sys.stderr)
+
+
+class Probes:
+    """Holds and moves the arm by the node NODE, which runs; adds what that shows to the checks."""
+
+    def __init__(
+        self, client: DynamicsClient, arm: ArmModel, topic: str, checks: Checklist,
+    ) -> None:
+        """`topic` is that of the joint states."""
+        self._client, self._arm, self._topic, self._checks = client, arm, topic, checks
+        self._watch = MotionWatch(client, arm.joint_names, arm.is_continuous.tolist())
+        self._body, self._torque = RigidBody(arm), list[FloatArray]()
+        self._share: FloatArray = np.full(arm.joint_count, np.nan)
+        """Of g(q) that holds the joint (n,), NaN if it bears too little to tell."""
+        self._values: dict[str, str] = {}
+        """Values of the statuses `drive` and `reference`."""
+        self._stiffness: dict[str, float] = {}
+
+    def run(self, used: Settings, node: NodeProcess) -> Settings:
+        """
+        Hold the arm by `node`, move each joint, and return the settings after those `used`.
+
+        Raises NodeError if the node does not start.
+        """
+        client, arm, watch, failure = self._client, self._arm, self._watch, ''
+
+        def is_started() -> bool:
+            node.check()
+            return bool(client.node.count_publishers(f'{NODE}/reference'))
+
+        client.wait(is_started, START_TIME)
+        client.wait(lambda: client.joint_state_topic() == self._topic)
+        with watch.following(), client.subscribed(
+                (JointState, client.resolve('~/computed_torque'), self._on_torque, 100),
+                (DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)):
+            try:
+                watch.wait_ready()
+                client.wait(lambda: False, HOLD_TIME)
+                start = np.array(watch.measured())
+                with (goal_publication(client, arm.joint_names) as publish,
+                      Progress(arm.joint_count, 'joints') as progress):
+                    for j in range(arm.joint_count):
+                        self._probe(j, start, publish)
+                        progress.update(j + 1)
+            except RobotDynamicsError as error:
+                failure = str(error)
+            client.wait(lambda: False, HOLD_TIME)
+        self._checks.add(
+            'feedback', float(self._values.get(RATE_SHARE, 1.0)) > LEAST_GAINS,
+            f'{self._values.get(RATE_SHARE, "?")} of the gains, stiffness ' + ', '.join(
+                f'{name} {value:g}' for name, value in self._stiffness.items()),
+            '1.0, N·m/rad or N/m', 'a faster driver, or lower gains.natural_frequency')
+        return self._settings(used, failure)
+
+    def _probe(
+        self, j: int, start: FloatArray, publish: Callable[[Sequence[float], float], None],
+    ) -> None:
+        """
+        Move joint j away from its nearer limit, and back; check its way, friction and torque.
+
+        The mean of both directions has no friction.
+        """
+        arm, watch = self._arm, self._watch
+        limits, step = arm.limits, per_joint(STEP, arm.joint_kinds)
+        sign = 1.0 if limits.upper[j] - start[j] > start[j] - limits.lower[j] else -1.0
+        aside = start + sign * step * (np.arange(len(start)) == j)
+        seen, far = list[FloatArray](), 0.0
+        for goal in (aside.tolist(), start.tolist()):
+            self._torque.clear()
+            watch.wait_taken(goal, partial(publish, goal, MOVE_TIME))
+            watch.wait_end(goal, lambda _: None)
+            seen.append(np.mean(self._torque, axis=0)[:, j])
+            far = max(far, abs(watch.measured()[j] - start[j]))
+        (there, g_there), (back, g_back) = seen
+        g, held = 0.5 * (g_there + g_back), ''
+        if abs(g) > LEAST_SHARE * limits.effort[j]:
+            self._share[j] = 0.5 * (there + back) / g
+            held = f', held by {self._share[j]:.2f} g(q)'
+        friction = max(0.5 * sign * (there - g_there - back + g_back), 0.0)
+        self._checks.add(
+            f'probe of {arm.joint_names[j]}', not abs(self._share[j] - 1.0) >= NEAR,
+            f'moved by {far:.4f}, friction {friction:.2g}{held}', 'held by 1.00 g(q)',
+            'see the drive, and the masses of the model')
+
+    def _on_torque(self, message: JointState) -> None:
+        """Take the torque and g(q) while the reference moves."""
+        watch = self._watch
+        if watch.reference is not None and len(watch.position) == self._arm.joint_count and any(
+                watch.reference[2]):
+            q = np.array(watch.measured())
+            self._torque.append(np.array([message.effort, self._body.gravity(q)]))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name in (f'{NODE}: drive', f'{NODE}: reference'):
+                self._values |= {pair.key: pair.value for pair in status.values}
+                self._stiffness |= values_per_joint(status.values, STIFFNESS)
+
+    def _settings(self, used: Settings, failure: str) -> Settings:
+        """Check the verdicts on the drives; return the settings that they need."""
+        names, settings = self._arm.joint_names, Settings()
+        factors = {'command': np.ones(len(names)), 'report': np.ones(len(names))}
+        said = {name: self._values.get(name, UNSEEN) for name in names}
+        for j, name in enumerate(names):
+            verdict, _, sentence = said[name].partition('; ')
+            if abs(self._share[j] - 1.0) < NEAR:  # the command is right
+                verdict = re.sub(r'^unclear: (report scale \S+) or .*', r'\1', verdict)
+            self._checks.add(f'drive of {name}', UNKNOWN if verdict == UNSEEN else (
+                verdict == AGREES), verdict, AGREES, sentence)
+            scaled = re.fullmatch(r'(command|report) scale (\S+)', verdict)
+            if verdict == 'reversed':
+                factors['command'][j] = -1.0
+            elif scaled is not None and is_scale(float(scaled[2])):
+                factors[scaled[1]][j] = float(scaled[2])**(1 if scaled[1] == 'command' else -1)
+            elif verdict == 'adds gravity':
+                settings['robot_compensates'] = ['gravity'], sentence
+        for direction, factor in factors.items():
+            key = f'effort.{direction}_scale'
+            if (factor != 1.0).any():
+                scale = np.array(used.get(key, (1.0, ''))[0]) * factor
+                settings[key] = scale.round(3).tolist(), '; '.join(
+                    f'{name}: {text}' for name, text in said.items())
+        is_right = all(text.startswith((AGREES, UNSEEN)) for text in said.values())
+        if failure:
+            self._checks.add('motion', BAD if is_right else False, failure,
+                             'a motion as commanded', 'see the drives')
+        settings['command'] = ('computed_torque', (
+            f'held the arm, and moved each joint by {STEP[0]:g} rad or {STEP[1]:g} m')) if (
+            is_right and not failure) else (
+            'none', 'run connect with the new values before the first command')
+        return settings

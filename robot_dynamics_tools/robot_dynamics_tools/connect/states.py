@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The joint states of a robot as they arrive: rate, stamps, units, resolution, noise."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+import time
+
+import numpy as np
+from rclpy.qos import qos_profile_sensor_data
+from robot_dynamics.control.options import DEFAULT_STATE_MAX_AGE
+from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.monitoring.state_plausibility import SAME_CLOCK
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros
+from robot_dynamics_tools.analysis.arm_recording import plausible
+from robot_dynamics_tools.analysis.units import check_degrees
+from robot_dynamics_tools.analysis.velocity_check import contradicts_position
+from robot_dynamics_tools.connect.checks import BAD, Checklist, GOOD, UNKNOWN
+from robot_dynamics_tools.gravity_calibration.holds import BLOCK, per_joint, REST_SPEED
+from robot_dynamics_tools.recordings.joint_series import JointSeries, RecordedJointStates
+from robot_dynamics_tools.recordings.messages import FIELDS, RecordedState
+from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
+from sensor_msgs.msg import JointState
+
+STATE_TIMEOUT = 0.05
+"""[s], the default of the parameter `state_timeout`."""
+MOVED = 0.01
+"""[rad] or [m] of motion from which velocities are compared with positions."""
+GAPS = 3.0
+"""The timeout by the longest gap between two joint states."""
+
+
+class StateLog:
+    """The joint states of a topic since the start of `receiving`."""
+
+    def __init__(self, topic: str) -> None:
+        self.topic = topic
+        self.other_lengths: dict[str, str] = {}
+        """Fields with another number of values than names, and both numbers."""
+        self._times: list[int] = []
+        self._states: list[RecordedState] = []
+
+    @contextmanager
+    def receiving(self, client: DynamicsClient) -> Iterator[None]:
+        """Receive in `with`."""
+        with client.subscribed((JointState, self.topic, self._take, qos_profile_sensor_data)):
+            yield
+
+    def _take(self, message: JointState) -> None:
+        n, values = len(message.name), {}
+        for name in FIELDS:
+            column = np.array(getattr(message, name))
+            if len(column) == n > 0:
+                values[name] = column
+            elif len(column):
+                self.other_lengths[name] = f'{len(column)} for {n} names, not used'
+        self._states.append(RecordedState(
+            len(self._times), tuple(message.name), stamp_from_ros(message.header.stamp), values))
+        self._times.append(time.time_ns())
+
+    def __len__(self) -> int:
+        return len(self._times)
+
+    @property
+    def states(self) -> RecordedJointStates:
+        return RecordedJointStates(
+            self.topic, np.array(self._times, dtype=np.int64), tuple(self._states), 0)
+
+    def series(self, arm: ArmModel) -> JointSeries:
+        """Return the samples of an arm; raise RecordingError."""
+        return self.states.series(arm.joint_names).unwrapped(arm.is_continuous)
+
+
+def check_states(log: StateLog, arm: ArmModel, checks: Checklist) -> tuple[float, str]:
+    """Check the joint states; return the `state_timeout` [s] that they need, and their rate."""
+    series, states = log.series(arm), log.states
+    periods = np.diff(series.times)
+    longest = float(periods.max(initial=0.0))
+    timeout = max(STATE_TIMEOUT, float(np.ceil(100.0 * GAPS * longest) / 100.0))
+    measured = (f'{1.0 / np.median(periods):.0f} Hz, longest gap {1e3 * longest:.1f} ms, jitter '
+                f'{1e3 * periods.std():.2f} ms')
+    checks.add('rate', timeout == STATE_TIMEOUT, measured, 'gaps below 17 ms',
+               f'state_timeout is {timeout:g} s; feedback at this rate is soft')
+    ages = 1e-9 * (states.times_ns - np.array([one.stamp_ns for one in states.states]))
+    is_missing = series.faults.arrival_times
+    is_simulated = bool(np.median(np.abs(ages)) > SAME_CLOCK)
+    checks.add(
+        'stamps', not is_missing and bool(
+            is_simulated or np.abs(ages).max() < DEFAULT_STATE_MAX_AGE),
+        'none' if is_missing else 'of another clock' if is_simulated else (
+            f'{1e3 * np.median(ages):.1f} ms old, at most {1e3 * np.abs(ages).max():.1f} ms'),
+        f'stamps of this clock, at most {DEFAULT_STATE_MAX_AGE:g} s old',
+        'synchronise the clocks, or set state_max_age')
+    faults = [text for text in series.faults.words() if not text.startswith(('no stamps', 'left'))]
+    checks.add('samples', not faults, '; '.join(faults) or f'{len(series.times)} without a fault',
+               'none lost, repeated or out of order', 'look at the network and the driver')
+    return timeout, measured
+
+
+def check_units(
+    series: JointSeries, arm: ArmModel, checks: Checklist, other_lengths: Mapping[str, str],
+) -> None:
+    """
+    Check positions and velocities by their size, and against each other.
+
+    `other_lengths` are those of a `StateLog`.
+    """
+    assert series.position is not None
+    expected = 'the derivative of the position'
+    has_moved = np.ptp(series.position, axis=0).max() > MOVED
+    try:
+        if has_moved:
+            check_degrees(series)
+        plausible(series, arm, True)
+    except RecordingError as error:
+        checks.add('units', BAD, str(error), 'rad, m', 'convert them in the driver')
+        return
+    checks.add('units', GOOD, 'within the limits of the joints', 'rad, m')
+    if series.velocity is None:
+        checks.add('velocity', False, other_lengths.get('velocity', 'missing'), expected,
+                   'dynamics differentiates the positions, which is late and noisy')
+    elif not has_moved:
+        checks.add('velocity', UNKNOWN, 'published, not compared: no motion', expected)
+    else:
+        is_wrong = contradicts_position(
+            series.times, series.position, series.velocity, series.stretches())
+        names = ', '.join(np.array(arm.joint_names)[is_wrong])
+        checks.add('velocity', not names, f'not {expected} at {names}' if names else expected,
+                   expected, 'correct the driver, or publish no velocities')
+
+
+def moving(series: JointSeries, arm: ArmModel) -> str:
+    """Return which joints move, and their speed."""
+    assert series.position is not None
+    blocks = np.array_split(series.position, max(int(series.times[-1] / BLOCK), 2))
+    speed = np.abs(np.diff([block.mean(axis=0) for block in blocks], axis=0)).max(axis=0) / BLOCK
+    limit = per_joint(REST_SPEED, arm.joint_kinds)
+    return ', '.join(f'{name} moves at {v:.2g}' for name, v, most in zip(
+        arm.joint_names, speed, limit) if v > most)
+
+
+def check_noise(series: JointSeries, arm: ArmModel, checks: Checklist) -> None:
+    """Check resolution and noise, if the arm rests."""
+    q, motion = series.position, moving(series, arm)
+    assert q is not None
+    steps = [np.diff(np.unique(column)).min(initial=np.inf) for column in q.T]
+    listed = [f'position step {min(steps):.1e}' if min(steps) < np.inf else 'position constant']
+    listed += [f'{name} deviation {values.std(axis=0).max():.1e}' for name, values in zip(
+        FIELDS, (q, series.velocity, series.effort)) if values is not None]
+    checks.add('noise', UNKNOWN if motion else GOOD, motion or ', '.join(listed),
+               'an arm at rest, small against its motion', 'stop the robot')

@@ -1,0 +1,89 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`ros2 dynamics connect` holds a simulated arm, and moves each joint a little."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+import signal
+import subprocess
+import time
+from typing import Any
+
+import children
+from children import TIMEOUT
+import numpy as np
+import pytest
+from robot_dynamics.model.arm_parameters import read_parameter_file
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics_tools.commands.connect import main
+from ros_harness import (
+    BEST_EFFORT,
+    NodeProcess,
+    RosClient,
+    SIMULATED_ARM,
+    UNHURRIED,
+    write_parameters,
+)
+from sensor_msgs.msg import JointState
+from verb_bench import finish, PROGRAM
+
+START = [0.8, 0.5]
+
+
+@contextmanager
+def arm(**parameters: Any) -> Iterator[None]:
+    """Run an arm that hangs on its brakes until the first effort."""
+    with NodeProcess(SIMULATED_ARM, {
+            'joints': ['joint1', 'joint2'], 'initial_position': START, 'rate': 200.0,
+            **parameters}):
+        yield
+
+
+@pytest.fixture
+def options(tmp_path: Path) -> list[str]:
+    """Return options for a busy machine, and for an arm that stays in one pose."""
+    urdf = tmp_path / 'default.urdf'
+    urdf.write_text(default_arm_urdf(), encoding='utf-8')
+    given = write_parameters(tmp_path / 'given.yaml', UNHURRIED)
+    return ['--yes', '--urdf', str(urdf), '--parameters', str(given), '--poses', '1',
+            '--output', str(tmp_path / 'my.yaml'), '--timeout', str(TIMEOUT)]
+
+
+def test_a_right_arm_moves_no_more_than_the_probes(options, capsys, tmp_path):
+    with arm(), RosClient() as client, client.collect(
+            JointState, '/joint_states', BEST_EFFORT) as states:
+        status = main(options)
+        moved = np.abs([np.subtract(state.position, START) for state in states.messages])
+    out, err = capsys.readouterr()
+    assert status == 0, out + err
+    assert 'good     probe of joint1: moved by 0.02' in out
+    assert 'good     drive of joint1: agrees' in out
+    np.testing.assert_allclose(moved.max(axis=0), [0.02, 0.02], atol=0.002)
+    assert read_parameter_file(tmp_path / 'my.yaml')['command'] == 'computed_torque'
+
+
+def test_no_file_commands_an_arm_whose_drive_is_reversed(options, capsys, tmp_path):
+    with arm(**{'effort.command_scale': [-1.0, 1.0]}):
+        status = main(options)
+    out, err = capsys.readouterr()
+    assert 'good     drive of joint1' not in out
+    if status:  # on a busy machine the arm has moved too fast for a verdict
+        assert (status, 'my.yaml is not written: motion: ' in err) == (1, True)
+    else:
+        assert read_parameter_file(tmp_path / 'my.yaml')['command'] == 'none'
+
+
+def test_ctrl_c_stops_the_arm(options, tmp_path):
+    with arm(), RosClient() as client:
+        process = children.popen(
+            [*PROGRAM[:2], PROGRAM[2].replace('ros2_dynamics.verbs', 'commands.connect'),
+             *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        client.wait_for(JointState, '/connect/dynamics/reference')
+        time.sleep(1.0)
+        process.send_signal(signal.SIGINT)
+        status, _, err = finish(process)
+    assert status == 130
+    assert 'The arm has stopped, and the command has ended.' in err
+    assert not (tmp_path / 'my.yaml').exists()

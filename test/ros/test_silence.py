@@ -1,0 +1,48 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What `dynamics` names when no joint states arrive, or nothing receives the command."""
+
+from bounded_waits import wait_until
+import pytest
+from robot_dynamics.ros.dynamics.silence import no_receiver, no_states, Silence
+from ros_harness import RosClient
+from sensor_msgs.msg import JointState
+
+
+@pytest.fixture(scope='module')
+def node():
+    with RosClient() as client:
+        yield client.node
+
+
+def test_what_is_found_instead_of_joint_states_is_named(node):
+    def reason(received=None):
+        return no_states(node, ['joint1'], received)
+
+    states = node.create_publisher(JointState, '/arm/joint_states', 1)
+    wait_until(lambda: '/arm/joint_states' in reason(), 'the other topic')
+    assert reason() == (
+        '/joint_states has no publisher, but /arm/joint_states: set '
+        '`-r joint_states:=/arm/joint_states`')
+    node.create_publisher(JointState, '/joint_states', 1)
+    wait_until(lambda: 'no publisher' not in reason(), 'the publisher')
+    assert 'which sends nothing: start its driver' in reason()
+    assert "has the joints ['a'], expected ['joint1']: set `-r joint" in reason(['a'])
+    node.destroy_publisher(states)
+
+
+def test_a_receiver_elsewhere_is_named(node):
+    assert 'start the driver, or its effort controller' in no_receiver(node, ['/effort_command'])
+    node.create_subscription(JointState, '/arm/effort_command', print, 1)
+    wait_until(lambda: "`-r 'effort_command:=/arm/effort_command'`" in no_receiver(
+        node, ['/effort_command']), 'the receiver')
+
+
+def test_a_reason_is_logged_once_after_some_time(monkeypatch):
+    now, logged = [0.0], []
+    monkeypatch.setattr('time.monotonic', lambda: now[0])
+    silence = Silence(logged.append)
+    for now[0] in (0.0, 1.9, 2.1, 3.0):
+        silence.reason(lambda: 'no publisher')
+        assert logged == (['no publisher'] if now[0] > 2.0 else [])
