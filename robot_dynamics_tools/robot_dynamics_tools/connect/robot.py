@@ -129,7 +129,7 @@ def find_receiver(
     timeout, keeps_last = chosen[0].timeout, chosen[0].is_controller
     checks.add(
         'watchdog', False if keeps_last else UNKNOWN if timeout is None else GOOD,
-        'none: the last command stays in force' if keeps_last else
+        'none: the last command stays active' if keeps_last else
         'not stated by the receiver' if timeout is None else f'after {timeout:g} s',
         'the arm is braked soon after the last command',
         'know what holds the arm if dynamics_node is killed')
