@@ -68,7 +68,8 @@ def test_a_hidden_payload_is_estimated_and_applied(client):
             client.collect(JointState, '/carried/dynamics/reference') as references, \
             closed_loop(
                 '/carried', {**ROBOT, 'gains.natural_frequency': [12.0]},
-                monitor={'effort.report_covariance': CALIBRATED}, **ROBOT, effort_noise=0.05, seed=1, real_time_factor=4.0):
+                monitor={'effort.report_covariance': CALIBRATED}, **ROBOT, effort_noise=0.05,
+                seed=1, real_time_factor=4.0):
         gravity.wait_count(500, LONG)  # 0.3 s after the first command, a load is no wrong drive
         set_payload(client, '/carried/simulated_arm', LOAD)
         assert ask(client, start=True, link='tool0').message == "estimation for 'tool0' started"
