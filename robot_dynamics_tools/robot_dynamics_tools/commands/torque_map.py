@@ -89,7 +89,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     suffix = '.png' if arguments.output is None else arguments.output.suffix.lower()
-    if suffix in VIDEO and (arguments.what != MOTION or arguments.velocity or arguments.acceleration):
+    has_values = arguments.velocity or arguments.acceleration
+    if suffix in VIDEO and (arguments.what != MOTION or has_values):
         raise InvalidInputError(
             f'the output is {str(arguments.output)!r}, an animation, expected {MOTION!r} '
             'without --velocity and --acceleration')
@@ -97,7 +98,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         raise InvalidInputError(
             f'the figure is {str(arguments.output)!r}, expected a name that ends in one of '
             f'{[*FORMATS, *VIDEO]}')
-    if arguments.what != MOTION and (arguments.velocity or arguments.acceleration):
+    if arguments.what != MOTION and has_values:
         raise InvalidInputError(
             f'--velocity and --acceleration are given with {arguments.what!r}, expected '
             f'{MOTION!r}')

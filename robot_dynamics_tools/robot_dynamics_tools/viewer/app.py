@@ -211,7 +211,8 @@ class Viewer:
             return
         self._plot_time = now
         shown.panel.show_plots(self._newest_stamp)
-        shown.panel.show_efforts(*self._efforts.values(), self._drive)
+        shown.panel.show_efforts(
+            self._efforts['command'], self._efforts['state'], self._drive)
         if self._q is not None or not self._node.has_states:
             self._cameras.show(shown.scene.extent())
         lasts = now - max(self._reference_time, actions.sent_time) < SILENCE

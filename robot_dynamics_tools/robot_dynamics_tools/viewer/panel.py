@@ -15,6 +15,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics_tools.monitor.markers import HOT, WARM
 from robot_dynamics_tools.pictures.stick_figure import tool_link
@@ -169,10 +170,11 @@ class ArmPanel:
     ) -> None:
         """Show commanded and measured efforts by joint, the limits, and the status `drive`."""
         rows = ''.join(
-            f'<tr><td>{escape(name)}</td>' + ''.join(
+            f'<tr><td>{escape(name)} [{units_of(kind).effort}]</td>' + ''.join(
                 f'<td style="text-align: right">{value:.1f}</td>' for value in (
                     command.get(name, math.nan), measured.get(name, math.nan), limit)) + '</tr>'
-            for name, limit in zip(self._arm.joint_names, self._arm.limits.effort))
+            for name, kind, limit in zip(
+                self._arm.joint_names, self._arm.joint_kinds, self._arm.limits.effort))
         content = TABLE.format(rows, escape(drive)).replace('nan', '–').replace('inf', '–')
         if self._table.content != content:
             self._table.content = content

@@ -28,7 +28,7 @@ FIELD_OF_VIEW = 0.8
 """Vertical [rad]."""
 ASPECT = 0.75
 """Width / height of the image that is assumed until a page reports its own."""
-NARROW, COVERED = 600, 1.5
+NARROW, COVERED = 600, 1.8
 """On a page of less pixels in width a panel covers this height of the arm below it."""
 LOOSE, PATIENCE = 1.5, 3.0
 """A camera this many times as far as necessary comes closer after this time [s]."""
