@@ -4,9 +4,9 @@
 """
 The drive check in simulation without ROS: wrong drives are named, right ones are not.
 
-    scripts/run python -m benchmarks.drive_check [--seeds N] [--arms ARM ...]
+    scripts/run python -m benchmarks.drive_check [--seeds N] [--drives NAME ...] [--law NAME]
     scripts/run python -m benchmarks.drive_check --starts N
-    scripts/run python -m benchmarks.drive_check --good SECONDS [--arms ARM ...]
+    scripts/run python -m benchmarks.drive_check --good SECONDS [--seed N]
 
 Prints the tables of docs/evidence/drive_check.md. Arms with dry friction (1 to 3 % of the effort
 limit) and rotors that the loop does not know; states at 125 to 1000 Hz, 0 to 4 ms of delay, noise.
@@ -110,7 +110,9 @@ class Outcome(NamedTuple):
 class Run:
     """One arm in a closed loop with its drives."""
 
-    def __init__(self, name: str, seed: int, rate: float, load: float = 0.0) -> None:
+    def __init__(
+        self, name: str, seed: int, rate: float, load: float = 0.0, law: str = 'computed_torque',
+    ) -> None:
         arm, self.rng = arm_named(name), np.random.default_rng(seed)
         self.limit = np.where(np.isfinite(arm.limits.effort), arm.limits.effort, 30.0)
         n, rng = arm.joint_count, self.rng
@@ -123,7 +125,7 @@ class Run:
         if load > 0.0:
             true = true.with_payloads([make_payload(arm.link_names[-1], load, (0.0, 0.0, 0.05))])
         self.arm, self.q0, self.joint = plain, *_start(plain, rng, self.limit)
-        self.plant, self.loop = Plant(true, self.q0), ControlLoop.of_arm(plain)
+        self.plant, self.loop = Plant(true, self.q0), ControlLoop.of_arm(plain, command=law)
         self.period, self.delay = round(1000.0 / rate), int(rng.choice([0, 1, 2, 4]))
         self.push = np.zeros(n)
         self.k, self._waiting = 0, deque[tuple[int, FloatArray]]()
@@ -184,9 +186,9 @@ def _start(
             return q, int(share.argmax())
 
 
-def judged(name: str, kind: str, seed: int, rate: float) -> Outcome:
+def judged(name: str, kind: str, seed: int, rate: float, law: str = 'computed_torque') -> Outcome:
     """Return the outcome of an arm with a wrong drive."""
-    run = Run(name, seed, rate)
+    run = Run(name, seed, rate, law=law)
     drive = wrong_drives(run.limit)[kind]
     if kind.startswith('delay'):
         run.delay = 40
@@ -275,6 +277,10 @@ def main() -> None:
     parser.add_argument('--seeds', type=int, default=1, metavar='N')
     parser.add_argument('--good', type=float, default=0.0, metavar='SECONDS')
     parser.add_argument('--starts', type=int, default=0, metavar='N')
+    parser.add_argument('--seed', type=int, default=7, metavar='N', help='of the first good arm')
+    parser.add_argument('--law', default='computed_torque', metavar='NAME')
+    parser.add_argument('--drives', nargs='+', default=list(wrong_drives(np.ones(1))),
+                        metavar='NAME')
     parser.add_argument('--arms', nargs='+', default=list(ARMS), metavar='ARM')
     arguments = parser.parse_args()
     try:
@@ -287,8 +293,8 @@ def main() -> None:
     if not arguments.good and not arguments.starts:
         print('| drive | right | named together | not yet | other word | s | rad (median, 90 %) | '
               'speed after [rad/s] |\n|---|---|---|---|---|---|---|---|')
-        for kind in wrong_drives(np.ones(1)):
-            found = [(arm, judged(arm, kind, 100 * i + seed, rates[(i + seed) % 4]))
+        for kind in arguments.drives:
+            found = [(arm, judged(arm, kind, 100 * i + seed, rates[(i + seed) % 4], arguments.law))
                      for i, arm in enumerate(arms) for seed in range(arguments.seeds)]
             words = wrong_drives(np.ones(1))[kind].words
             _print(kind, words, [one for _, one in found])
@@ -296,7 +302,7 @@ def main() -> None:
                 if one.others or not is_right(one.verdict, words):
                     print(f'    {arm}: {one.verdict} {one.others}')
     for i, arm in enumerate(arms if arguments.good else ()):
-        said = list(good(arm, 7 + i, rates[i % 4], arguments.good))
+        said = list(good(arm, arguments.seed + i, rates[i % 4], arguments.good))
         print(f'{arm}: {arguments.good:g} s, {len(said)} words {said}', flush=True)
 
 

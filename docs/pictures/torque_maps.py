@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Draw docs/images/torque_map*.png, as `torque_map` draws them: the default arm, and a UR10."""
+"""Draw docs/images/torque*, as `torque_map` draws them: the default arm, and a UR10."""
 
 from pathlib import Path
 import sys
@@ -18,7 +18,7 @@ def main(directory: Path) -> int:
     pictures = {
         'torque_map.png': ['gravity', '--payload', '8'],
         'torque_map_inertia.png': ['inertia'],
-        'torque_map_motion.png': ['motion', '--velocity', '2', '-3'],
+        'torques_in_motion.gif': ['motion'],
         'torque_map_workspace.png': ['workspace', '--payload', '8'],
         'torque_map_ur10.png': [*ur10, 'workspace', '--payload', '20'],
     }

@@ -85,7 +85,6 @@ DELAYS = 0.03, 0.04, 0.06, 0.08
 GAINS = {REVERSED: (-1.0, 0.1), NO_EFFECT: (0.0, 0.03), SCALE: (1.5, 1.5)}
 """Mean and deviation of k of the causes that scale the command."""
 
-
 LEAST_CLIP = 0.05
 """Least clipped torque as a fraction of the effort limit: less is no effect beyond friction."""
 CLIP = 0.1, 0.1
@@ -200,11 +199,10 @@ class DriveModel:
 
     def _priors(self, gain: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
         """Return mean and deviation (n, 4) of k, F, J and the late begin."""
-        joints, same = self.joints, np.ones_like(self.joints.limit)
-        mean, spread = (
-            np.stack((gain[i] * same, joints.friction[i], joints.rotor[i], i * LATE * same), -1)
-            for i in range(2))
-        return mean, spread
+        joints, both = self.joints, np.empty((2, len(self.joints.limit), 4))
+        both[..., 0], both[..., 1] = np.transpose([gain]), joints.friction
+        both[..., 2], both[..., 3] = joints.rotor, [[0.0], [LATE]]
+        return both[0], both[1]
 
     def fit(
         self, x: FloatArray, gain: tuple[float, float], y: FloatArray | None = None,
@@ -221,10 +219,11 @@ class DriveModel:
             A, r, log_volume = self._without_pushes(A, r)
         P = np.eye(A.shape[-1]) + np.einsum('kni,knj->nij', A, A)
         h = np.einsum('kni,kn->ni', A, r)
-        d = np.linalg.solve(P, h[..., np.newaxis])[..., 0]
+        variance = np.linalg.inv(P)
+        d = np.einsum('nij,nj->ni', variance, h)
         evidence = -0.5 * (
             (r * r).sum(axis=0) - (h * d).sum(axis=1) + np.linalg.slogdet(P)[1] + log_volume)
-        deviation = spread[:, 0] * np.sqrt(np.linalg.inv(P)[:, 0, 0])
+        deviation = spread[:, 0] * np.sqrt(variance[:, 0, 0])
         k, rotor = mean[:, 0] + spread[:, 0] * d[:, 0], mean[:, 2] + spread[:, 2] * d[:, 2]
         return Fits(evidence, k, deviation, rotor)
 

@@ -43,11 +43,9 @@ LEAST_REST = 12
 REPORT_ERROR, REPORT_SPREAD = 0.15, 0.1
 """Error of the scale of a report that is named, and largest residual of its fit."""
 LEAST_REPORT = 0.02
-"""Least command, as a fraction of the effort limit, whose report is compared with it."""
+"""Fraction of the effort limit: least command whose report is compared, least step to name."""
 LATE_REPORT = 0.5
 """Largest residual of a late report by that of one in time."""
-COARSE_STEP = 0.02
-"""Least step of a report, as a fraction of the effort limit, that is named."""
 LEAST_LEVELS = 4
 """Levels of a report in steps: an arm at rest and its brakes are two."""
 AGREES, UNKNOWN, REPORT, COARSE = 'agrees', 'not observable yet', 'report scale', 'coarse'
@@ -199,7 +197,7 @@ def report_verdicts(
         ratio, step = float(r @ u / (u @ u)), _step(r)
         delay = _report_delay(t, u, r) if u.std() > LEAST_REPORT * joints.limit[j] else 0.0
         left = float(np.linalg.norm(r - ratio * u) / np.linalg.norm(u))
-        if step > COARSE_STEP * joints.limit[j]:
+        if step > LEAST_REPORT * joints.limit[j]:
             verdicts[j] = Verdict(f'{COARSE} {round(step, 2)}', (
                 f'the drive reports steps of {step:.2g}: use a unit of torque that it resolves'))
         elif delay > 0.0:

@@ -29,8 +29,6 @@ COMMAND = 'command.json'
 """File in KEPT with the arguments of the run that made the output."""
 LONGEST_LIST = 20
 """Number of printed lines of a list; the others are only counted."""
-LONGEST_NAME = 80
-"""Characters of the name of a robot in the name of a file."""
 _WIDTH = 110
 _WITHOUT_EFFECT = ('dask', 'force', 'jobs')
 """Arguments that do not change the results."""
@@ -155,9 +153,8 @@ def add_robot(
 
 def with_xacro(arguments: argparse.Namespace) -> argparse.Namespace:
     """Return parsed arguments with those of --xacro after the file of the robot."""
-    for name in ('urdf', 'robot'):
-        if getattr(arguments, 'xacro', None) and getattr(arguments, name, None) is not None:
-            setattr(arguments, name, ' '.join([getattr(arguments, name), *arguments.xacro]))
+    for name in {'urdf', 'robot'} & set(vars(arguments)) if arguments.xacro else ():
+        setattr(arguments, name, ' '.join([vars(arguments)[name] or '', *arguments.xacro]))
     return arguments
 
 
@@ -188,7 +185,7 @@ def add_output(
 
 def default_output(name: str, ending: str) -> Path:
     """Return the file in out/ of a robot with this name, which may have any characters."""
-    return Path('out', re.sub(r'[^\w.-]', '_', name)[:LONGEST_NAME] + ending)
+    return Path('out', re.sub(r'[^\w.-]', '_', name)[:80] + ending)
 
 
 def add_parameters(parser: argparse.ArgumentParser, used: str) -> None:

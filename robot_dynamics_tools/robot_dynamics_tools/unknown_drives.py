@@ -8,6 +8,8 @@ from robot_dynamics.arrays import FloatArray
 
 SCALE_DEVIATION = 0.3
 """Relative standard deviation of the effort scale of a drive."""
+GIVEN_DEVIATION = 0.1
+"""That of a scale that was given without a covariance, such as a data sheet's torque constant."""
 OFFSET_DEVIATION = 0.05
 """Standard deviation of the effort offset of a drive, relative to the effort limit."""
 

@@ -151,6 +151,18 @@ def test_correction_gravity_acts_at_joint_1_even_with_link_1_upright():
     npt.assert_allclose(g, [expected, expected], rtol=1e-14)
 
 
+def test_correction_link_2_pulls_at_the_elbow():
+    light = dataclasses.replace(ARM, m1=1e-12, I1=1e-12)
+    assert planar.gravity_vector(light, (math.pi / 2, 0.0))[0] == pytest.approx(
+        -9.81 * 3.0 * (1.0 + 0.4), rel=1e-10)
+
+
+def test_correction_gravity_is_largest_elsewhere():
+    largest = max(np.linspace(0.0, math.pi, 3142), key=lambda angle: abs(
+        planar.gravity_vector(ARM, (angle, math.pi / 2))[0]))
+    assert largest == pytest.approx(1.356, abs=2e-3)
+
+
 def test_correction_upright_is_unstable():
     tilt = np.array([1e-3, 0.0])
     falling = planar.forward_dynamics(ARM, tilt, (0.0, 0.0), (0.0, 0.0))

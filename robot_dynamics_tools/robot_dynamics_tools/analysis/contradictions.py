@@ -51,7 +51,7 @@ ln 2 is two standard deviations of a URDF whose masses are wrong by a third, all
 """
 TWICE = 1.6, 2.5
 """Size of gravity, by that of the URDF, that suggests that it is added twice."""
-_LEAST_SHARE = 0.1
+_LEAST_SHARE = 0.2
 LEAST_NOISE = 0.005
 """Residual, relative to the effort, below which nothing is explained."""
 DELAYS = 0.01 * np.arange(-5, 31)
@@ -176,7 +176,7 @@ def gravity_ratios(arm: ArmModel, phi: FloatArray, q: FloatArray) -> FloatArray:
     """
     Return the RMS (n,) of the gravity torque of bodies φ (p,) by that of the arm, at q (m, n).
 
-    It is 1 at joints with less than a tenth of the largest torque. `arm` has no payload.
+    It is 1 at joints with less than a fifth of the largest torque. `arm` has no payload.
     """
     rest = np.zeros_like(q)
     Y = TorqueRegressor(arm)(q, rest, rest)

@@ -73,10 +73,10 @@ class _Animation:
             at_stops = _rows_at(motion, stops)
             for k in range(len(motion.times)):
                 self._show_motion(k)
-                yield Frame(_pixels(figure), period)
+                yield Frame(pixels(figure), period)
                 if k in at_stops:
                     for _ in self._show_passes(k):
-                        yield Frame(_pixels(figure), STEP_SECONDS)
+                        yield Frame(pixels(figure), STEP_SECONDS)
 
     def _lay_out(self, figure: Any, n: int) -> None:
         height = figure.get_figheight()
@@ -219,7 +219,8 @@ def _trail(motion: ArmMotion, view: PlanarView) -> tuple[FloatArray, FloatArray]
     return times, np.array([view.passes(q, rest, rest).tip_position for q in positions])
 
 
-def _pixels(figure: Any) -> Pixels:
+def pixels(figure: Any) -> Pixels:
+    """Return the drawn figure."""
     figure.canvas.draw()
     return np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()
 

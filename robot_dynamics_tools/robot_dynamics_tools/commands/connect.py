@@ -58,11 +58,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--yes', action='store_true', help='Ask nothing on the terminal, for scripts')
     parser.add_argument('--timeout', **options.number(
         5.0, 'S', 'Time to search for the robot, and to wait for each answer [s]'))
-    return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
+    def run(arguments: argparse.Namespace) -> int:
+        require_ros('connect')
+        from robot_dynamics_tools.connect.session import connect
+        return connect(arguments, command_line.origin_of(
+            'connect', argv, arguments.urdf, 'topic robot_description'))
 
-def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
-    require_ros('connect')
-    from robot_dynamics_tools.connect.session import connect
-    return connect(arguments, command_line.origin_of(
-        'connect', argv, arguments.urdf, 'topic robot_description'))
+    return options.run_tool(parser, run, argv)

@@ -22,7 +22,7 @@ from robot_dynamics_tools.recordings.bag_files import find_recordings
 from robot_dynamics_tools.recordings.sample_faults import counted
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.reporting.text_table import text_table
-from robot_dynamics_tools.unknown_drives import SCALE_DEVIATION
+from robot_dynamics_tools.unknown_drives import GIVEN_DEVIATION, SCALE_DEVIATION
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -35,8 +35,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     options.add_cutoff(parser, '5, or less for slow joint states')
     parser.add_argument('--scale-deviation', **options.number(
         None, 'SHARE', 'Relative standard deviation of the effort scales, unless --parameters has '
-        f'effort.report_covariance; 0 for exact efforts (default: {SCALE_DEVIATION:g}, or 0 with '
-        'effort.report_scale in --parameters)',
+        f'effort.report_covariance; 0 for exact efforts (default: {SCALE_DEVIATION:g}, or '
+        f'{GIVEN_DEVIATION:g} with effort.report_scale in --parameters)',
         options.number_in(0.0, 1.0)))
     options.add_parameters(parser, 'joints, gravity, friction, motors, measured_effort')
     parser.add_argument(

@@ -15,6 +15,7 @@ cannot be used.
 
 import argparse
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,9 @@ from robot_dynamics.model_check.html_page import Verdict
 from robot_dynamics.tools import command_line
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools import options
+from robot_dynamics_tools.animation.torque_tour import torque_frames
+from robot_dynamics_tools.animation.video import FORMATS as VIDEO
+from robot_dynamics_tools.animation.video import write_video
 from robot_dynamics_tools.pictures import torque_grid
 from robot_dynamics_tools.pictures.map_report import map_page, panel_verdict, workspace_verdicts
 from robot_dynamics_tools.pictures.stick_figure import tool_link
@@ -38,6 +42,8 @@ from robot_dynamics_tools.reporting.progress import Progress
 GRAVITY, INERTIA, MOTION, WORKSPACE = 'gravity', 'inertia', 'motion', 'workspace'
 PAGE = '.html'
 FORMATS = ('.png', '.pdf', '.svg', PAGE)
+MOVING_SAMPLES = 41
+"""Positions of each joint in an animation."""
 MOST_SAMPLES = 1001
 DEFAULT_ARM = 'the planar two-link arm of this package'
 STEPS = 3
@@ -75,17 +81,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--samples', **options.number(
         torque_grid.SAMPLES, 'N', 'Number of positions of each of the two joints', int))
     options.add_output(parser, 'FILE', (
-        f'Output file: {", ".join(FORMATS)}; {PAGE} is a report with a verdict per joint '
+        f'Output file: {", ".join(FORMATS)}; {PAGE} is a report with a verdict per joint; '
+        f'{", ".join(VIDEO)} for {MOTION}: an animation of the arm and its efforts in motion '
         '(default: out/<name of the arm>_<what>.png)'))
     return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
-    if arguments.output is not None and arguments.output.suffix.lower() not in FORMATS:
+    suffix = '.png' if arguments.output is None else arguments.output.suffix.lower()
+    has_values = arguments.velocity or arguments.acceleration
+    if suffix in VIDEO and (arguments.what != MOTION or has_values):
+        raise InvalidInputError(
+            f'the output is {str(arguments.output)!r}, an animation, expected {MOTION!r} '
+            'without --velocity and --acceleration')
+    if suffix not in (*FORMATS, *VIDEO):
         raise InvalidInputError(
             f'the figure is {str(arguments.output)!r}, expected a name that ends in one of '
-            f'{list(FORMATS)}')
-    if arguments.what != MOTION and (arguments.velocity or arguments.acceleration):
+            f'{[*FORMATS, *VIDEO]}')
+    if arguments.what != MOTION and has_values:
         raise InvalidInputError(
             f'--velocity and --acceleration are given with {arguments.what!r}, expected '
             f'{MOTION!r}')
@@ -96,11 +109,13 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     arm = arm.with_payloads([make_payload(link, arguments.payload)])
     output = arguments.output or options.default_output(arm.name, f'_{arguments.what}.png')
     command_line.prepare_file(output, arguments.force)
+    if suffix in VIDEO:
+        return _animate(arguments, arm, output)
     with Progress(STEPS, 'steps') as progress:
         draw = _workspace if arguments.what == WORKSPACE else _map
         figure, said, verdicts = draw(arguments, arm, load, progress.advance)
         progress.advance()
-        if output.suffix.lower() == PAGE:
+        if suffix == PAGE:
             origin = command_line.origin_of('torque_map', argv, arguments.urdf, DEFAULT_ARM)
             command_line.write_file(output, map_page(
                 f'{arm.name}{load}: {arguments.what}', verdicts, figure, origin))
@@ -109,6 +124,15 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
                 save_figure(figure, new)
         progress.advance()
     print(f'{output.resolve()}: {said}')
+    return command_line.DONE
+
+
+def _animate(arguments: argparse.Namespace, arm: ArmModel, output: Path) -> int:
+    grid = torque_grid.make_grid(arm, arguments.joints, arguments.position, MOVING_SAMPLES)
+    shown = [torque_grid.joint_index(arm, '--at', name) for name in arguments.at]
+    with command_line.writing(output) as new:
+        count = write_video(new, torque_frames(arm, grid, shown or list(grid.joints)))
+    print(f'{output.resolve()}: {count} frames, {output.stat().st_size / 1e6:.2f} MB')
     return command_line.DONE
 
 

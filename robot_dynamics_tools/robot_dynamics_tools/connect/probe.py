@@ -191,26 +191,25 @@ class Probes:
         names, settings = self._arm.joint_names, Settings()
         factors = {'command': np.ones(len(names)), 'report': np.ones(len(names))}
         said = {name: self._values.get(name, UNSEEN) for name in names}
-        for j, name in enumerate(names):
-            verdict, _, sentence = said[name].partition('; ')
+        is_right = all(text.startswith((AGREES, UNSEEN)) for text in said.values())
+        for j, (name, text) in enumerate(said.items()):
+            verdict, _, sentence = text.partition('; ')
             if abs(self._share[j] - 1.0) < NEAR:  # the command is right
                 verdict = re.sub(r'^unclear: (report scale \S+) or .*', r'\1', verdict)
             self._checks.add(f'drive of {name}', UNKNOWN if verdict == UNSEEN else (
                 verdict == AGREES), verdict, AGREES, sentence)
-            scaled = re.fullmatch(r'(command|report) scale (\S+)', verdict)
+            direction, is_scaled, scale = verdict.partition(' scale ')
             if verdict == 'reversed':
                 factors['command'][j] = -1.0
-            elif scaled is not None and is_scale(float(scaled[2])):
-                factors[scaled[1]][j] = float(scaled[2])**(1 if scaled[1] == 'command' else -1)
+            elif is_scaled and direction in factors and is_scale(float(scale)):
+                factors[direction][j] = float(scale)**(1 if direction == 'command' else -1)
             elif verdict == 'adds gravity':
                 settings['robot_compensates'] = ['gravity'], sentence
         for direction, factor in factors.items():
             key = f'effort.{direction}_scale'
             if (factor != 1.0).any():
-                scale = np.array(used.get(key, (1.0, ''))[0]) * factor
-                settings[key] = scale.round(3).tolist(), '; '.join(
-                    f'{name}: {text}' for name, text in said.items())
-        is_right = all(text.startswith((AGREES, UNSEEN)) for text in said.values())
+                settings[key] = (factor * np.array(used.get(key, (1.0,))[0])).round(3).tolist(), (
+                    '; '.join(f'{name}: {text}' for name, text in said.items()))
         if failure:
             self._checks.add('motion', BAD if is_right else False, failure,
                              'a motion as commanded', 'see the drives')

@@ -30,23 +30,22 @@ ASKED = 'joints', 'interface_name', 'command_timeout'
 
 
 class Receiver(NamedTuple):
-    """A topic of efforts, the nodes that subscribe to it, and the parameters of the first."""
+    """
+    A topic of efforts, and the node that subscribes to it.
+
+    `joints` and `interface` are those of a controller of ros2_control, `timeout` [s] the
+    `command_timeout` of `simulated_arm`; empty and None if the node does not state them.
+    """
 
     topic: str
-    nodes: tuple[str, ...]
-    parameters: dict[str, Any]
+    node: str
+    joints: Sequence[str]
+    interface: str
+    timeout: float | None
 
     @property
     def is_controller(self) -> bool:
         return self.topic.endswith(COMMANDS)
-
-    @property
-    def joints(self) -> list[str]:
-        return self.parameters.get('joints') or [] if self.is_controller else []
-
-    @property
-    def interface(self) -> str:
-        return str(self.parameters.get('interface_name') or 'effort')
 
     @property
     def remap(self) -> str:
@@ -54,9 +53,8 @@ class Receiver(NamedTuple):
         return f'{"~/commands" if self.is_controller else "effort_command"}:={self.topic}'
 
     def __str__(self) -> str:
-        claimed = [f'{joint}/{self.interface}' for joint in self.joints]
-        return f'{self.topic} to {", ".join(self.nodes)}' + (
-            f', a controller that claims {", ".join(claimed)}' if claimed else '')
+        claimed = ', '.join(f'{joint}/{self.interface}' for joint in self.joints)
+        return f'{self.topic} to {self.node}' + (f', for {claimed}' if claimed else '')
 
 
 def names_of(ends: Sequence[TopicEndpointInfo]) -> list[str]:
@@ -105,46 +103,49 @@ def check_publishers(
 
 
 def find_receiver(
-    client: DynamicsClient, given: str | None, namespace: str, checks: Checklist,
+    client: DynamicsClient, given: str | None, namespace: str, is_needed: bool, checks: Checklist,
 ) -> Receiver | None:
     """Return who receives efforts, None without a receiver; `given` is a topic."""
-    usual, found = f'{namespace}/effort_command', list[Receiver]()
-    for topic, kinds in client.node.get_topic_names_and_types():
-        nodes = names_of(client.node.get_subscriptions_info_by_topic(topic))
-        if nodes and (topic == (given or usual) or not given and NUMBERS in kinds
+    usual, found, node = given or f'{namespace}/effort_command', list[Receiver](), client.node
+    for topic, kinds in node.get_topic_names_and_types():
+        nodes = names_of(node.get_subscriptions_info_by_topic(topic))
+        if nodes and (topic == usual or not given and NUMBERS in kinds
                       and topic.endswith(COMMANDS)):
-            found.append(Receiver(topic, tuple(nodes), _parameters(client, nodes[0])))
+            joints, interface, timeout = _parameters(client, nodes[0])
+            found.append(Receiver(
+                topic, nodes[0], joints or (), interface or 'effort', timeout))
     fit = [one for one in found if one.interface == 'effort']
     chosen = [one for one in fit if one.topic == usual] or fit
     checks.add(
-        'receiver', len(chosen) == 1, '; '.join(map(str, found)) or 'none',
-        f'one receiver of efforts, {given or f"{usual} or an effort controller"}',
+        'receiver', len(chosen) == 1 or (BAD if is_needed else False),
+        '; '.join(map(str, found)) or 'none', f'one receiver of efforts, {usual}' + (
+            '' if given else ' or an effort controller'),
         'name the topic with --receiver; start the driver or its effort controller')
     if len(chosen) != 1:
         return None
-    seconds = chosen[0].parameters.get('command_timeout')
-    if any(name.endswith('/list_controllers') for name, _ in
-           client.node.get_service_names_and_types()):
+    if any(name.endswith('/list_controllers') for name, _ in node.get_service_names_and_types()):
         checks.add('controllers', UNKNOWN, 'their states were not read', 'active, effort claimed',
                    'ros2 control list_controllers --claimed-interfaces')
+    timeout, keeps_last = chosen[0].timeout, chosen[0].is_controller
     checks.add(
-        'watchdog', False if chosen[0].is_controller else UNKNOWN if seconds is None else GOOD,
-        'none: the last command stays in force' if chosen[0].is_controller else
-        'not stated by the receiver' if seconds is None else f'after {seconds:g} s',
+        'watchdog', False if keeps_last else UNKNOWN if timeout is None else GOOD,
+        'none: the last command stays active' if keeps_last else
+        'not stated by the receiver' if timeout is None else f'after {timeout:g} s',
         'the arm is braked soon after the last command',
         'know what holds the arm if dynamics_node is killed')
     return chosen[0]
 
 
-def _parameters(client: DynamicsClient, node: str) -> dict[str, Any]:
-    """Return those of ASKED that a node has, none if it does not answer."""
-    service, found = f'{node}/get_parameters', dict[str, Any]()
-    if any(name == service for name, _ in client.node.get_service_names_and_types()):
-        for name in ASKED:  # an undeclared one prevents the answer for others
-            with suppress(RobotDynamicsError):
-                for value in client.call(
-                        GetParameters, service, GetParameters.Request(names=[name])).values:
-                    found[name] = parameter_value_to_python(value)
+def _parameters(client: DynamicsClient, node: str) -> list[Any]:
+    """Return the values of ASKED of a node, None for those that it does not have."""
+    service, found = f'{node}/get_parameters', list[Any]()
+    exists = any(name == service for name, _ in client.node.get_service_names_and_types())
+    for name in ASKED:  # one by one: an undeclared one prevents the answer for others
+        found.append(None)
+        with suppress(RobotDynamicsError, IndexError):
+            if exists:
+                found[-1] = parameter_value_to_python(client.call(
+                    GetParameters, service, GetParameters.Request(names=[name])).values[0])
     return found
 
 

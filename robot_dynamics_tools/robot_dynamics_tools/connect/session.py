@@ -123,7 +123,8 @@ class Session:
         namespace, layouts = log.topic.rpartition('/')[0], log.states.layouts
         robot.check_publishers(client, log.topic, layouts, checks)
         urdf, source = self._description or description.published_description(client, namespace)
-        self._receiver = robot.find_receiver(client, arguments.receiver, namespace, checks)
+        self._receiver = robot.find_receiver(
+            client, arguments.receiver, namespace, not arguments.passive, checks)
         commands = robot.commanding(client, self._receiver)
         checks.add('other commands', not commands, ', '.join(commands) or 'none',
                    'no other node commands efforts', 'end it before this package commands the arm')
@@ -135,7 +136,7 @@ class Session:
         if arm is None:
             return
         self._set_up(arm, source)
-        states.check_units(log.series(arm), arm, checks, log.other_lengths)
+        states.check_units(log.series(arm), arm, checks)
         states.check_noise(log.series(arm), arm, checks)
 
     def _set_up(self, arm: ArmModel, source: str) -> None:
@@ -157,7 +158,7 @@ class Session:
         self.settings.pop('robot_description', None)
         if self._receiver is not None and self._receiver.is_controller:
             self.settings.setdefault('end_action', (
-                'ramp_to_zero', f'{self._receiver.nodes[0]} keeps the last command'))
+                'ramp_to_zero', f'{self._receiver.node} keeps the last command'))
         if timeout > states.STATE_TIMEOUT:
             self.settings.setdefault('state_timeout', (timeout, f'{measured}, {today}'))
 
@@ -176,9 +177,8 @@ class Session:
                 self._client, log, arm, arguments.poses, arguments.duration)
         if self.holds:
             if len(self.holds) > 1:
-                states.check_units(log.series(arm), arm, self.checks, log.other_lengths)
-            shown = passive.check_report(
-                arm, self.holds, 'gravity' not in settings, self.checks)
+                states.check_units(log.series(arm), arm, self.checks)
+            shown = passive.check_report(arm, self.holds, 'gravity' not in settings, self.checks)
             if shown:
                 settings.pop('effort.report_scale', None)  # the given one
             settings |= shown
@@ -195,7 +195,6 @@ class Session:
         others = robot.commanding(self._client, self._receiver)
         motion = states.moving(series, arm)
         for name, is_bad, value, expected in (
-                ('receiver', self._receiver is None, 'none', 'a receiver of efforts'),
                 ('other commands', others, f'of {", ".join(others)}', 'no other node commands'),
                 ('rest', motion, motion, 'an arm at rest'),
                 ('pose', share > probe.LARGEST_SHARE,

@@ -3,7 +3,7 @@
 
 """The joint states of a robot as they arrive: rate, stamps, units, resolution, noise."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 import time
 
@@ -37,8 +37,6 @@ class StateLog:
 
     def __init__(self, topic: str) -> None:
         self.topic = topic
-        self.other_lengths: dict[str, str] = {}
-        """Fields with another number of values than names, and both numbers."""
         self._times: list[int] = []
         self._states: list[RecordedState] = []
 
@@ -49,13 +47,8 @@ class StateLog:
             yield
 
     def _take(self, message: JointState) -> None:
-        n, values = len(message.name), {}
-        for name in FIELDS:
-            column = np.array(getattr(message, name))
-            if len(column) == n > 0:
-                values[name] = column
-            elif len(column):
-                self.other_lengths[name] = f'{len(column)} for {n} names, not used'
+        values = {name: np.array(getattr(message, name)) for name in FIELDS
+                  if len(getattr(message, name)) == len(message.name) > 0}
         self._states.append(RecordedState(
             len(self._times), tuple(message.name), stamp_from_ros(message.header.stamp), values))
         self._times.append(time.time_ns())
@@ -99,14 +92,8 @@ def check_states(log: StateLog, arm: ArmModel, checks: Checklist) -> tuple[float
     return timeout, measured
 
 
-def check_units(
-    series: JointSeries, arm: ArmModel, checks: Checklist, other_lengths: Mapping[str, str],
-) -> None:
-    """
-    Check positions and velocities by their size, and against each other.
-
-    `other_lengths` are those of a `StateLog`.
-    """
+def check_units(series: JointSeries, arm: ArmModel, checks: Checklist) -> None:
+    """Check positions and velocities by their size, and against each other."""
     assert series.position is not None
     expected = 'the derivative of the position'
     has_moved = np.ptp(series.position, axis=0).max() > MOVED
@@ -119,7 +106,7 @@ def check_units(
         return
     checks.add('units', GOOD, 'within the limits of the joints', 'rad, m')
     if series.velocity is None:
-        checks.add('velocity', False, other_lengths.get('velocity', 'missing'), expected,
+        checks.add('velocity', False, 'missing, or not one per name', expected,
                    'dynamics differentiates the positions, which is late and noisy')
     elif not has_moved:
         checks.add('velocity', UNKNOWN, 'published, not compared: no motion', expected)

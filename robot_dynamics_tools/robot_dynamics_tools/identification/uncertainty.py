@@ -7,9 +7,9 @@ The uncertainty of each base parameter: its standard deviation, and whether it i
 The method is weighted least squares over the base parameters and the joints' own columns, without
 regularization: the covariance is (Σ_j w_j X_jᵀ X_j)⁻¹ with w_j = 1 / (σ_j² s_j). Filtered samples
 are not independent: s_j samples count as one (`regression`). This is exact for noise that is white
-over the band of the regressor. For other errors, such as those of friction, all deviations are
-enlarged by the median of their ratios to the jackknife over the folds (B. Efron, The Annals of
-Statistics 7(1), 1979).
+over the band of the regressor. For other errors, such as those of friction, deviations are at
+least those of the jackknife over the folds (B. Efron, The Annals of Statistics 7(1), 1979), and
+all are enlarged by the median of their ratios to it.
 """
 
 from dataclasses import dataclass
@@ -91,7 +91,7 @@ def estimate_parameters(
     jackknife = np.sqrt((changes**2).sum(axis=0) * (1.0 - 1.0 / len(parts)))
     known = ~found.is_lost & (noise > 0.0)
     widening = max(float(np.median(jackknife[known] / noise[known])), 1.0) if known.any() else 1.0
-    deviations = np.where(found.is_lost, np.inf, widening * noise)
+    deviations = np.where(found.is_lost, np.inf, np.maximum(widening * noise, jackknife))
     s_base = np.linalg.svd(A[:, :r] * column_scale(A[:, :r]), compute_uv=False)
     size = _scale_of(base, prior, n)
     before = np.concatenate([

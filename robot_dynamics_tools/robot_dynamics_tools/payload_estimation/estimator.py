@@ -31,7 +31,11 @@ from robot_dynamics_tools.payload_estimation.rows import (
     RowBuilder,
     SLIDING_VELOCITY,
 )
-from robot_dynamics_tools.unknown_drives import SCALE_DEVIATION, unknown_drives
+from robot_dynamics_tools.unknown_drives import (
+    GIVEN_DEVIATION,
+    SCALE_DEVIATION,
+    unknown_drives,
+)
 
 SHORTEST_BLOCK = 0.1
 """[s]"""
@@ -55,8 +59,8 @@ class PayloadEstimator:
         Take samples that passed a low-pass filter with the cut-off `cutoff_hz` [Hz].
 
         `scale_deviation` is that of the effort scales, relative to them, unless the report of the
-        arm has a covariance; 0 for exact scales and offsets. None is 0 for an arm with a report,
-        and SCALE_DEVIATION for drives that were not calibrated.
+        arm has a covariance; 0 for exact scales and offsets. None is GIVEN_DEVIATION for an arm
+        with a report, and SCALE_DEVIATION for drives that were not calibrated.
 
         Raises InvalidInputError for an unknown link.
         """
@@ -64,7 +68,7 @@ class PayloadEstimator:
             raise InvalidInputError(f'cutoff_hz is {cutoff_hz:g}, expected a number > 0')
         self.arm, self.link = arm, link
         self._scale_deviation = scale_deviation if scale_deviation is not None else (
-            SCALE_DEVIATION if arm.report is None else 0.0)
+            SCALE_DEVIATION if arm.report is None else GIVEN_DEVIATION)
         self._regressor = LoadRegressor(arm, link)
         dynamics = ArmDynamics(arm)
         self._dynamics = dynamics.unchecked

@@ -94,6 +94,15 @@ def motion_efforts(
     return _inverse_dynamics(ArmDynamics(arm), grid, v, a)
 
 
+def rigid_body_efforts(
+    body: RigidBody, grid: PositionGrid, v: FloatArray, a: FloatArray, gravity: float = 1.0,
+) -> FloatArray:
+    """Return M(q) a + C(q, v) v, plus a share of g(q), over the grid, (l, k, n) [N·m] or [N]."""
+    zero = np.zeros_like(v)
+    return _inverse_dynamics(body, grid, v, a) - (1.0 - gravity) * _inverse_dynamics(
+        body, grid, zero, zero)
+
+
 def inertia_diagonal(arm: ArmModel, grid: PositionGrid) -> FloatArray:
     """Return M_ii(q) over the grid, (l, k, n) [kg·m²], at prismatic joints [kg]."""
     body, n = RigidBody(arm), arm.joint_count

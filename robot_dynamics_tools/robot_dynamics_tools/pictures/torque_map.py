@@ -73,7 +73,7 @@ def map_figure(
             one.set_visible(False)
         for one, panel in zip(axes, panels):
             _draw_map(figure, one, grid, panel)
-            _label_axes(one, arm, grid)
+            label_axes(one, arm, grid)
             _draw_poses(one, arm, grid, poses)
         if notes:
             figure.supxlabel('\n'.join(notes), fontsize=10)
@@ -124,7 +124,8 @@ def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> No
     figures.title_axes(axes, panel.title, note)
 
 
-def _label_axes(axes: Any, arm: ArmModel, grid: PositionGrid) -> None:
+def label_axes(axes: Any, arm: ArmModel, grid: PositionGrid) -> None:
+    """Label the axes of a map with the joints of its grid."""
     for joint, axis, values, set_label in (
             (grid.joints[0], axes.xaxis, grid.x, axes.set_xlabel),
             (grid.joints[1], axes.yaxis, grid.y, axes.set_ylabel)):

@@ -40,6 +40,8 @@ PLOT_PERIOD = 0.2
 """[s] between two updates of the plots and the text."""
 SILENCE = 1.0
 """[s] without a message after which its content is outdated."""
+SLOW = 3.0
+"""[s] without diagnostics, which come once per second, after which a node is slow."""
 LARGEST_LAG = 0.01
 """Longest time [s] between a reference and the compared state; it is extrapolated."""
 TEXT_STYLE = 'height: 130px; overflow-y: auto; font-size: 13px; padding: 2px 10px'
@@ -70,7 +72,9 @@ class Viewer:
         self._state_time = self._reference_time = -SILENCE
         self._plot_time = -SILENCE
         self._newest_stamp = self._marks_stamp = 0.0
-        self._load = ''
+        self._load = self._drive = ''
+        self._diagnosed = time.monotonic()
+        self._efforts: dict[str, dict[str, float]] = {'command': {}, 'state': {}}
         self._warnings: list[str] = []
         self._source = ArmSource(node, robot)
         self._mesh_paths = mesh_paths
@@ -132,7 +136,12 @@ class Viewer:
         if received.description is not None:
             self._source.take_topic(received.description.data)
         if received.diagnostics is not None:
-            self._warnings = worst_words(received.diagnostics)
+            self._warnings, self._diagnosed = worst_words(received.diagnostics), now
+            self._drive = next((one.message for one in received.diagnostics.status
+                                if one.name.endswith(': drive')), '')
+        for field, values in self._efforts.items():
+            if (message := getattr(received, field)) is not None:
+                values.update(zip(message.name, message.effort))
         if received.payload is not None:
             inertia, link = received.payload.inertia, received.payload.header.frame_id
             self._load = f'{inertia.m:.3g} kg on {link}' if inertia.m > 0.0 else ''
@@ -202,6 +211,8 @@ class Viewer:
             return
         self._plot_time = now
         shown.panel.show_plots(self._newest_stamp)
+        shown.panel.show_efforts(
+            self._efforts['command'], self._efforts['state'], self._drive)
         if self._q is not None or not self._node.has_states:
             self._cameras.show(shown.scene.extent())
         lasts = now - max(self._reference_time, actions.sent_time) < SILENCE
@@ -215,7 +226,11 @@ class Viewer:
         if now - self._state_time > SILENCE:
             lines.append('no joint states' + (
                 ' received' if node.has_states else ': joint_states has no publisher'))
+        silent = now - self._diagnosed
+        if node.has_dynamics and silent > SLOW:
+            lines.append(f'⚠ {node.dynamics} has sent no diagnostics for {silent:.0f} s')
         if not node.has_dynamics:
+            self._warnings, self._drive, self._efforts['command'] = [], '', {}
             lines.append(
                 f'no node {node.dynamics}: start it with `ros2 run robot_dynamics dynamics_node`')
         elif now - self._reference_time < SILENCE:

@@ -47,6 +47,7 @@ class ViewerNode:
         self._executor.add_node(node)
         topics = (
             ('state', JointState, 'joint_states', NEWEST_STATE),
+            ('command', JointState, 'effort_command', NEWEST_STATE),
             ('terms', DynamicsTerms, f'{dynamics}/terms', NEWEST),
             ('reference', JointState, f'{dynamics}/reference', NEWEST),
             ('markers', MarkerArray, f'{monitor}/markers', NEWEST),
@@ -84,8 +85,8 @@ class ViewerNode:
         """
         Return the newest message of each topic since the last call, None without a message.
 
-        The attributes are `state`, `terms`, `reference`, `markers`, `trajectory`, `payload`,
-        `diagnostics` and `description`. Passes on the responses of services, too.
+        The attributes are `state`, `command`, `terms`, `reference`, `markers`, `trajectory`,
+        `payload`, `diagnostics` and `description`. Passes on the responses of services, too.
         """
         for _ in range(MOST_TURNS):
             self._turned = False

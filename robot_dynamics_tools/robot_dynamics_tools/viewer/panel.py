@@ -9,11 +9,13 @@ thread of the viewer empties.
 """
 
 from collections.abc import Callable, Mapping
+from html import escape
 import math
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics_tools.monitor.markers import HOT, WARM
 from robot_dynamics_tools.pictures.stick_figure import tool_link
@@ -37,6 +39,10 @@ DEFAULT_SPEED = 30.0
 """[%]"""
 LEAST_ERROR = 0.1
 """Smallest height of the plot of errors [mrad] or [mm]."""
+TABLE = (
+    '<table style="font-size: 12px; margin: 0 10px; width: 94%"><tr><th></th><th>command</th>'
+    '<th>measured</th><th>limit</th></tr>{}</table><div style="font-size: 12px; padding: 2px '
+    '10px">drive: {}</div>')
 PLOT_WIDTH = 360
 """[px]"""
 
@@ -54,6 +60,7 @@ class ArmPanel:
         self._plot_panel.set_width(PLOT_WIDTH)
         self._plot_tab = self._plot_panel.add_tab('Plots')
         with self._plot_tab:
+            self._table = gui.add_html('')
             gui.add_html(legend())
             self._joint = gui.add_dropdown('joint', arm.joint_names)
         self._joint.on_update(lambda _: self._ask(self._change_joint))
@@ -157,6 +164,20 @@ class ArmPanel:
         """Draw the added values up to `now` [s]."""
         for plot in self._plots:
             plot.show(now)
+
+    def show_efforts(
+        self, command: Mapping[str, float], measured: Mapping[str, float], drive: str,
+    ) -> None:
+        """Show commanded and measured efforts by joint, the limits, and the status `drive`."""
+        rows = ''.join(
+            f'<tr><td>{escape(name)} [{units_of(kind).effort}]</td>' + ''.join(
+                f'<td style="text-align: right">{value:.1f}</td>' for value in (
+                    command.get(name, math.nan), measured.get(name, math.nan), limit)) + '</tr>'
+            for name, kind, limit in zip(
+                self._arm.joint_names, self._arm.joint_kinds, self._arm.limits.effort))
+        content = TABLE.format(rows, escape(drive)).replace('nan', '–').replace('inf', '–')
+        if self._table.content != content:
+            self._table.content = content
 
     # ------------------------------------------------------------------ load and push
 

@@ -9,7 +9,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics_tools.reporting.figures import LABELS, LINES
+from robot_dynamics_tools.reporting.figures import LABELS, LINES, PURPLE
 
 if TYPE_CHECKING:
     import viser
@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 SHOWN = 15.0
 """[s]"""
 TERMS = ('effort', 'gravity', 'inertial', 'coriolis', 'friction', 'external')
+COLOURS = {
+    'gravity': '#8C510A', 'inertial': '#332288', 'coriolis': '#882255', 'friction': '#999933',
+    'external': PURPLE, 'error': '#44AA99'}
+"""Colours of lines: no mark at the arm has one, except the same quantity."""
 HEIGHT = 230
 """[px]"""
 MARGIN = 0.1
@@ -43,7 +47,8 @@ class LivePlot:
         for name in names:
             style = LINES[name]
             line: dict[str, Any] = {
-                'label': LABELS.get(name, name), 'stroke': style.colour, 'width': style.width}
+                'label': LABELS.get(name, name), 'stroke': COLOURS.get(name, style.colour),
+                'width': style.width}
             if not isinstance(style.dash, str):
                 line['dash'] = [2.0 * length for length in style.dash[1]]
             series.append(line)

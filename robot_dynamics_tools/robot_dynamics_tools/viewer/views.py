@@ -28,6 +28,8 @@ FIELD_OF_VIEW = 0.8
 """Vertical [rad]."""
 ASPECT = 0.75
 """Width / height of the image that is assumed until a page reports its own."""
+NARROW, COVERED = 600, 1.8
+"""On a page of less pixels in width a panel covers this height of the arm below it."""
 LOOSE, PATIENCE = 1.5, 3.0
 """A camera this many times as far as necessary comes closer after this time [s]."""
 FILLED, LARGEST = 0.8, 0.95
@@ -125,6 +127,12 @@ def framed(points: FloatArray, aspect: float) -> tuple[FloatArray, FloatArray]:
     return _AXES @ (*centre, min(depths)), _AXES @ (*centre, float(z.mean()))
 
 
+def with_room_below(points: FloatArray) -> FloatArray:
+    """Return points (m, 3), and the same lower in the image by COVERED times their height."""
+    down = _AXES[:, 1]
+    return np.vstack([points, points + COVERED * np.ptp(points @ down) * down])
+
+
 def shows(view: View, points: FloatArray) -> bool:
     """Return whether points (m, 3) are in the image, with a margin."""
     columns, rows, depths = view.project(points)
@@ -159,12 +167,13 @@ class Cameras:
             if view is None or page.is_moved(view):
                 continue
             aspect = view.width / view.height
-            if page.is_loose(view, *framed(points, aspect)):
-                page.points = points
-            elif page.positions and shows(view, points):
+            shown = with_room_below(points) if view.width < NARROW else points
+            if page.is_loose(view, *framed(shown, aspect)):
+                page.points = shown
+            elif page.positions and shows(view, shown):
                 continue
             else:
-                page.points = np.vstack([page.points, points])
+                page.points = np.vstack([page.points, shown])
             position, target = framed(page.points, aspect)
             page.positions += [view.position, position]
             with client.atomic():

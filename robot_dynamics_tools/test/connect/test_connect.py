@@ -11,6 +11,7 @@ import re
 import sys
 from typing import Any
 
+from geometry_msgs.msg import Vector3
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
@@ -19,8 +20,11 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import trajectory_to_ros
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics_tools.commands.connect import main
+from robot_dynamics_tools.connect.checks import Checklist
+from robot_dynamics_tools.connect.robot import gravity_of_imu
+from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Imu, JointState
 from trajectory_msgs.msg import JointTrajectory
 
 URDF = default_arm_urdf()
@@ -80,6 +84,7 @@ def test_the_file_has_mount_and_scale_of_the_arm(client, moving, capsys, tmp_pat
     assert load_arm(found['robot_description_file']).limits.effort.tolist() == [150.0, 60.0]
     assert 'check    other commands: /controller (expected: no other node' in out
     assert 'check    mount: the base is tilted by 90°' in out
+    assert 'good     watchdog: after 0.2 s' in out
     assert '4 / 4 poses' in err
     assert 'report of joint1' in page.read_text(encoding='utf-8')
 
@@ -126,11 +131,14 @@ def test_an_arm_that_another_node_commands_is_not_commanded(capsys, tmp_path):
     assert 'before the command: of /controller (expected: no other node' in capsys.readouterr().out
 
 
-def test_a_description_without_limits_writes_no_file(capsys, tmp_path):
-    urdf = tmp_path / 'arm.urdf'
-    urdf.write_text(URDF.replace('effort="60.0"', 'effort="0"'), encoding='utf-8')
-    assert run(tmp_path / 'my.yaml', '--urdf', urdf) == 1
-    assert capsys.readouterr().err == (
-        f'connect: {tmp_path / "my.yaml"} is not written: limits: missing or 0: effort of '
-        'joint2 (expected: each above 0, from the data sheet)\n')
-    assert os.listdir(tmp_path) == ['arm.urdf']
+def test_an_imu_of_the_base_shows_its_mount(client):
+    topic = client.publisher(Imu, '/base/imu', subscribers=0)
+    message = Imu(linear_acceleration=Vector3(x=-9.7))
+    message.header.frame_id, message.orientation_covariance[0] = 'base_link', -1.0
+    timer = client.node.create_timer(0.05, lambda: topic.publish(message))
+    with DynamicsClient(timeout=60.0) as own:
+        own.wait(lambda: own.node.count_publishers('/base/imu'))
+        gravity, where = gravity_of_imu(own, load_arm(URDF), Checklist())
+    client.node.destroy_timer(timer)
+    assert where == '/base/imu'
+    np.testing.assert_allclose(gravity, GRAVITY, atol=1e-9)

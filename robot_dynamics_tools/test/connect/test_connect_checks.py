@@ -88,6 +88,6 @@ def series(factor: float, velocity_factor: float = 1.0) -> JointSeries:
 ])
 def test_units_are_named(factor, velocity_factor, name, grade, said):
     checks = Checklist()
-    check_units(series(factor, velocity_factor), load_arm(default_arm_urdf()), checks, {})
+    check_units(series(factor, velocity_factor), load_arm(default_arm_urdf()), checks)
     assert grade_of(checks, name) is grade
     assert said in checks[-1].text

@@ -10,11 +10,17 @@ import numpy.testing as npt
 import pytest
 from report_page import ReportPage
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model_check.html_page import Grade
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics_tools.animation.torque_tour import torque_frames
 from robot_dynamics_tools.commands.torque_map import main
 from robot_dynamics_tools.pictures.map_report import panel_verdict
-from robot_dynamics_tools.pictures.torque_grid import gravity_efforts, make_grid
+from robot_dynamics_tools.pictures.torque_grid import (
+    gravity_efforts,
+    make_grid,
+    rigid_body_efforts,
+)
 from robot_dynamics_tools.pictures.torque_map import map_figure, MapPanel
 from robots import robot_path
 
@@ -97,13 +103,26 @@ def test_pictures_are_drawn(tmp_path, capsys, arguments, said):
     assert 0.1 < (pixels.min(axis=2) < 0.9).mean() < 0.95
 
 
+def test_the_animation_begins_with_gravity_at_the_first_position():
+    grid = make_grid(DEFAULT, samples=5)
+    frame = next(torque_frames(DEFAULT, grid, [0, 1]))
+    assert frame.seconds == pytest.approx(8.0 / 36.0)
+    assert frame.pixels.shape == (344, 960, 3)
+    still = rigid_body_efforts(RigidBody(DEFAULT), grid, np.ones(2), np.ones(2), 0.0)
+    npt.assert_allclose(
+        still + gravity_efforts(DEFAULT, grid),
+        RigidBody(DEFAULT).inverse_dynamics_batch(
+            grid.positions.reshape(-1, 2), np.ones((25, 2)), np.ones((25, 2))).reshape(5, 5, 2))
+
+
 @pytest.mark.parametrize(('arguments', 'message'), [
+    (['-o', 'x.gif'], "'x.gif', an animation, expected 'motion' without --velocity"),
     (['--joints', 'joint1', 'elbow'],
      "joints has 'elbow', expected joints out of ['joint1', 'joint2']"),
     (['--velocity', '1', '2'],
      "--velocity and --acceleration are given with 'gravity', expected 'motion'"),
     (['--samples', '1'], '--samples is 1, expected a number in [3, 1001]'),
-    (['-o', 'x.gif'], "'x.gif', expected a name that ends in one of"),
+    (['-o', 'x.jpg'], "'x.jpg', expected a name that ends in one of"),
 ])
 def test_mistakes_are_reported_in_one_line(tmp_path, monkeypatch, capsys, arguments, message):
     monkeypatch.chdir(tmp_path)

@@ -5,7 +5,7 @@
 
 import numpy as np
 import pytest
-from robot_dynamics_tools.viewer.views import framed, spread, View
+from robot_dynamics_tools.viewer.views import framed, spread, View, with_room_below
 
 VIEW = View(
     position=np.array([0.0, -4.0, 0.0]),
@@ -76,3 +76,10 @@ def test_an_arm_of_any_size_fills_the_same_part_of_the_image(aspect, size):
     middle = np.array([view.width, view.height]) / 2.0
     filled = np.abs(np.column_stack([columns, rows]) - middle).max(axis=0) / middle
     assert filled.max() == pytest.approx(0.8)
+
+
+def test_on_a_narrow_page_the_arm_is_in_the_upper_part():
+    points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.5], [0.6, 0.0, 1.0]])
+    columns, rows, _ = view_from(with_room_below(points), 420.0 / 800.0).project(points)
+    assert 0.0 < rows.min() < rows.max() < 0.45 * 800.0
+    assert 0.0 < columns.min() < columns.max() < 420.0
