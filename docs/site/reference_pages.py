@@ -255,11 +255,11 @@ def _executable(name: str, module: str, function: str) -> list[str]:
                     '(topics.md), [parameters](parameters.md).'
                     '\n')
     else:
-        text.append(f'```text\n{_help(module, function)}\n```\n')
+        text.append(f'```text\n{_help(name, module, function)}\n```\n')
     if name == 'dynamics':
         text.append('With ros2cli, `ros2 dynamics VERB` does the same '
                     '([ros2 dynamics](../ros2_dynamics.md)).\n')
-        text += [f'#### dynamics {verb}\n\n```text\n{_help(module, function, verb)}\n```\n'
+        text += [f'#### dynamics {verb}\n\n```text\n{_help(name, module, function, verb)}\n```\n'
                  for verb in VERBS]
     return text
 
@@ -276,13 +276,13 @@ def _entry_points(package: str) -> list[tuple[str, str, str]]:
             for name, module, function in found]
 
 
-def _help(module: str, function: str, *verb: str) -> str:
+def _help(name: str, module: str, function: str, *verb: str) -> str:
     """Return what an executable, or a verb of it, prints with --help."""
     os.environ['COLUMNS'] = WIDTH
-    printed = io.StringIO()
+    printed, sys.argv = io.StringIO(), [name, *verb, '--help']
     with redirect_stdout(printed):
         try:
-            getattr(import_module(module), function)([*verb, '--help'])
+            getattr(import_module(module), function)()
         except SystemExit as end:
             if end.code not in (0, None):
                 raise ValueError(f'{module} --help ends with status {end.code}') from None
