@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Why no joint states arrive, or nothing receives the command: what was found, what to type."""
+"""Why no joint states arrive, or nothing receives the command, and the setting that helps."""
 
 from collections.abc import Callable, Sequence
 import math

@@ -132,7 +132,7 @@ def find_receiver(
         'none: the last command stays active' if keeps_last else
         'not stated by the receiver' if timeout is None else f'after {timeout:g} s',
         'the arm is braked soon after the last command',
-        'know what holds the arm if dynamics_node is killed')
+        'brakes or another controller must hold the arm if dynamics_node is killed')
     return chosen[0]
 
 

@@ -38,12 +38,12 @@ UNITS_OF_TIME = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}
 PERIODS = 2e-4, 0.5
 """Plausible periods [s] of joint states."""
 BETWEEN_EPISODES = 10.0
-"""[s] between two episodes, which are stretches of their own."""
+"""[s] between two episodes, which are separate stretches."""
 _IN_DEGREES = re.compile(r'deg|°')
 
 
 class Table(NamedTuple):
-    """Times (m,) [s], values (m,) of each quantity and joint, and what was assumed about them."""
+    """Times (m,) [s], values (m,) of each quantity and joint, and notes on units."""
 
     times: FloatArray
     values: dict[tuple[str, str], FloatArray]

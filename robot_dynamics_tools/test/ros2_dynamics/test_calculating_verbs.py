@@ -115,10 +115,15 @@ def test_the_fastest_timing_is_written(ask, motion, tmp_path):
 @pytest.mark.parametrize(('words', 'message'), [
     (('--method', 'quick'), "method is 'quick', expected one of ['fastest', 'slow_down']"),
     (('--corner-tolerance', '-1'), 'corner_tolerance is -1'),
-    (('--output', '/absent/faster.yaml'), "--output '/absent/faster.yaml' cannot be written"),
 ])
 def test_bad_arguments_of_retime_are_rejected_by_name(ask, motion, words, message):
     assert_refused(ask, ['retime', motion, *words], message)
+
+
+def test_a_timing_that_cannot_be_written(ask, motion):
+    status, _, err = ask('retime', motion, '--output', '/proc/absent/faster.yaml')
+    assert (status, err.count('\n')) == (1, 1)
+    assert 'cannot write /proc/absent' in err
 
 
 def test_bad_files_are_rejected_by_name(ask, tmp_path):
