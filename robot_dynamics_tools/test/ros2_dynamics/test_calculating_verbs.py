@@ -131,4 +131,6 @@ def test_bad_files_are_rejected_by_name(ask, tmp_path):
     corner = tmp_path / 'corner.yaml'
     write_trajectory(corner, make_trajectory(ARM.joint_names, [0, 1, 2], [[0, 0], [1, 0], [1, 1]]))
     assert_refused(ask, ['retime', corner], 'points[1].positions is a corner')
+    status, _, err = ask('retime', corner, '--output', '/proc/absent/faster.yaml')
+    assert (status, 'cannot write /proc/absent' in err) == (1, True)
     assert ask('retime', corner, '--corner-tolerance', '0.05')[0] == 0
