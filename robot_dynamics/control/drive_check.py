@@ -45,7 +45,6 @@ from robot_dynamics.monitoring.drive_verdicts import (
     agreeing,
     candidates,
     causes_verdicts,
-    finite_limits,
     NOT_YET,
     report_verdicts,
     resting_verdicts,
@@ -87,8 +86,7 @@ class DriveCheck:
 
     def __init__(self, controller: Controller) -> None:
         self._controller, arm = controller, controller.arm
-        limit = finite_limits(arm.limits.effort, DEFAULT_EFFORT_RATE * FULL_EFFORT_TIME)
-        self.joints = joints = Joints.of_arm(arm, limit)
+        self.joints = joints = Joints.of_arm(arm, DEFAULT_EFFORT_RATE * FULL_EFFORT_TIME)
         self._friction = joints.friction[0]
         self._rotor = 0.5 * (joints.rotor[0] + joints.rotor[1])
         self.samples = DriveSamples(arm.joint_count)

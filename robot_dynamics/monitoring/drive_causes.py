@@ -132,8 +132,10 @@ class Joints(NamedTuple):
     rotor: tuple[FloatArray, FloatArray]
 
     @classmethod
-    def of_arm(cls, arm: ArmModel, limit: FloatArray) -> 'Joints':
-        """Return those of an arm; `limit` (n,) [N·m] or [N] is finite."""
+    def of_arm(cls, arm: ArmModel, without: float) -> 'Joints':
+        """Return those of an arm; `without` [N·m] or [N] is the limit of joints without one."""
+        limit = np.where(np.isfinite(arm.limits.effort) & (arm.limits.effort > 0.0),
+                         arm.limits.effort, without)
         dry = arm.friction.at_rest.static
         is_known = arm.reflected_inertia > 0.0
         return cls(
@@ -165,9 +167,8 @@ class DriveModel:
         passed = np.diff(window.time)
         duration = np.maximum(np.append(passed[:1], passed) if len(passed) else np.array(
             [FIRST_INTERVAL]), 1e-3)[:, np.newaxis]
-        held = np.zeros_like(sign)  # by brakes, before the first command acts
-        if is_start:
-            held[0] = DELAY / duration[0] * (window.needed[0] - window.gravity[0])
+        held = is_start * DELAY / duration * (window.needed - window.gravity)
+        held[1:] = 0.0  # brakes hold the arm until the first command acts
         self._passive = np.stack((-sign, -window.acceleration, -held), axis=-1)
         late = np.abs(np.diff(window.commanded, axis=0, prepend=window.commanded[:1]))
         at_rest = np.where(sign == 0.0, sum(joints.friction), 0.0)
@@ -273,12 +274,12 @@ class DriveModel:
         k = np.sign(fits.gain) * SCALES[:, np.newaxis]
         evidence = np.stack([self.fit(np.clip(x * u, -limit, limit), (1.0, MODEL)).evidence
                              for x in k]) - 0.5 * ((k - mean) / spread)**2
-        most = evidence.max(axis=0)
-        weight = np.exp(evidence - most) * SCALES[0] / (spread * np.sqrt(2.0 * np.pi))
+        weight = np.exp(evidence - evidence.max(axis=0))
         volume = weight.sum(axis=0)
         gain = (weight * k).sum(axis=0) / volume
         deviation = np.sqrt((weight * (k - gain)**2).sum(axis=0) / volume)
-        return Fits(most + np.log(volume), gain, deviation, fits.rotor)
+        return Fits(evidence.max(axis=0) + np.log(
+            volume * SCALES[0] / (spread * np.sqrt(2.0 * np.pi))), gain, deviation, fits.rotor)
 
     def clipped(self) -> Fits:
         """Return the fits of a torque that is clipped; their gain is the clipped torque (n,)."""

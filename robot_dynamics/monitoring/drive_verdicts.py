@@ -21,6 +21,7 @@ from robot_dynamics.monitoring.drive_causes import (
     DELAYED,
     delayed,
     DELAYS,
+    GAINS,
     GRAVITY,
     Joints,
     NO_EFFECT,
@@ -138,9 +139,7 @@ def _word(cause: Cause) -> str:
 def _sentence(cause: Cause) -> str:
     gain = f'{cause.value:.2f} ± {2.0 * cause.deviation:.2f}'
     evidence = {
-        REVERSED: f'the motion needs {gain} of the command',
-        NO_EFFECT: f'the motion needs {gain} of the command',
-        SCALE: f'the motion needs {gain} of the command',
+        **dict.fromkeys(GAINS, f'the motion needs {gain} of the command'),
         CLIPPED: f'the motion needs no more than {gain}, whatever is commanded',
         GRAVITY: 'the motion needs g(q) more than the command at all joints',
         TILTED: f'the motion needs a gravity of {np.round(cause.gravity, 1).tolist()} m/s² in the '
@@ -241,8 +240,3 @@ def agreeing(found: Comparison) -> BoolArray:
     """Return which joints (n,) a motion has shown to be right."""
     gain, deviation = found.gains.gain, found.gains.deviation
     return np.asarray((found.doubt < -SURE) & (np.abs(gain - 1.0) + 2.0 * deviation < NEAR))
-
-
-def finite_limits(limit: FloatArray, without: float) -> FloatArray:
-    """Return effort limits (n,), `without` for joints that have none."""
-    return np.where(np.isfinite(limit) & (limit > 0.0), limit, without)

@@ -10,8 +10,8 @@ that is faster than its limit, and has become faster for WINDOW although its eff
 motion all the time, is not held by this effort, whatever the cause. Without it, it gets no energy.
 A joint moves others: after the first one, all that are too fast are released.
 
-The drive check does not replace this: it does not check laws without a reference, under which
-a reversed joint reached 461 times its velocity limit in a second, and 25 times with this class.
+The drive check does not replace this: it does not check laws without a reference, under which a
+reversed joint reached 461 times its velocity limit in a second, and 25 times with this class.
 """
 
 import numpy as np
