@@ -120,12 +120,6 @@ def test_bad_arguments_of_retime_are_rejected_by_name(ask, motion, words, messag
     assert_refused(ask, ['retime', motion, *words], message)
 
 
-def test_a_timing_that_cannot_be_written(ask, motion):
-    status, _, err = ask('retime', motion, '--output', '/proc/absent/faster.yaml')
-    assert (status, err.count('\n')) == (1, 1)
-    assert 'cannot write /proc/absent' in err
-
-
 def test_bad_files_are_rejected_by_name(ask, tmp_path):
     assert_refused(ask, ['retime', tmp_path / 'absent.yaml'], 'cannot be read')
     corner = tmp_path / 'corner.yaml'
