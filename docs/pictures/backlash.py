@@ -24,6 +24,7 @@ from robot_dynamics_tools.reporting.figures import (
     BLACK,
     BLUE,
     GREY,
+    legend_below,
     ORANGE,
     SKY,
     styled_figure,
@@ -62,13 +63,6 @@ class Cycle(NamedTuple):
 
     amplitude: float
     frequency: float
-
-
-def legend_below(axes: Any, columns: int) -> None:
-    """Put the legend of axes below their horizontal label, in this number of columns."""
-    axes.legend(
-        loc='upper center', bbox_to_anchor=(0.45, -0.2), frameon=False, ncols=columns,
-        handlelength=2.4, columnspacing=1.2)
 
 
 def arm(gap: float, drag: float) -> ArmModel:

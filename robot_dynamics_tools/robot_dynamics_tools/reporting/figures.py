@@ -201,6 +201,13 @@ def title_axes(axes: 'Axes', title: str, note: str = '') -> None:
     axes.annotate(note, (0.0, 1.0), (0.0, 4.0), 'axes fraction', 'offset points', fontsize=10)
 
 
+def legend_below(axes: 'Axes', columns: int) -> None:
+    """Put the legend of axes below their horizontal label, in this number of columns."""
+    axes.legend(
+        loc='upper center', bbox_to_anchor=(0.45, -0.2), frameon=False, ncols=columns,
+        handlelength=2.4, columnspacing=1.2)
+
+
 def wrapped_title(title: str, width: float) -> str:
     """Return a title in lines that fit a figure of this width [inch]."""
     return '\n'.join(textwrap.wrap(title, int(11.5 * width)))
