@@ -159,6 +159,8 @@ class Probes:
             self._torque.clear()
             watch.wait_taken(goal, partial(publish, goal, MOVE_TIME))
             watch.wait_end(goal, lambda _: None)
+            if not self._torque:
+                raise NoAnswerError(f'no message on {NODE}/computed_torque during the motion')
             seen.append(np.mean(self._torque, axis=0)[:, j])
             far = max(far, abs(watch.measured()[j] - start[j]))
         (there, g_there), (back, g_back) = seen
