@@ -27,7 +27,7 @@ from ros_harness import RosClient
 from sensor_msgs.msg import JointState
 from stepped_node import JOINTS, stepped_node, SteppedNode
 
-WARM_UP, STATES = 600, 30
+WARM_UP, SOFT_START, STATES = 600, 200, 30
 PACKAGE = f'{Path(robot_dynamics.__file__).parent}/'
 
 
@@ -65,6 +65,7 @@ def following(client: RosClient) -> Iterator[SteppedNode]:
         node.follow()
         node.take_states(WARM_UP)
         deliver_until(node, commands)
+        node.take_states(SOFT_START)  # which begins when the drive is discovered
         yield node
 
 
