@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The law of docs/examples/spring.py in a package of its own, on a running node."""
+"""The law of docs/examples/spring.py in a separate package, on a running node."""
 
 import os
 from pathlib import Path
