@@ -45,7 +45,8 @@ STILL = {'prismatic': 4e-4}
 """[m]: displacement within which a joint is at rest; of other joints 2e-3 rad."""
 REST_TIME = 0.5
 """[s] by the stamps without motion after which the arm is at rest."""
-_RELIABLE = QoSProfile(depth=100)
+_RELIABLE, _NEWEST = QoSProfile(depth=100), QoSProfile(depth=1)
+"""References that wait on a busy machine would be taken for the present one."""
 
 
 class MotionWatch:
@@ -81,7 +82,7 @@ class MotionWatch:
         client = self.client
         with client.subscribed(
                 (JointState, client.joint_state_topic(), self.on_state, qos_profile_sensor_data),
-                (JointState, client.resolve('~/reference'), self._on_reference, _RELIABLE),
+                (JointState, client.resolve('~/reference'), self._on_reference, _NEWEST),
                 (DiagnosticArray, '/diagnostics', self._on_diagnostics, _RELIABLE)):
             yield
 

@@ -87,15 +87,26 @@ def test_a_hidden_payload_is_estimated_and_applied(client):
         wait_until(  # the node compensates friction by default
             lambda: any('set friction_compensation to none' in one for one in ask(client).remarks),
             'the remark on friction of pairs', LONG)
-        applied = ask(client, apply=True, stop=True)
-        assert applied.success, applied.message
-        assert "kg on 'tool0'; a restart begins with no payload" in applied.message
+        motions = 1
+
+        def is_applied() -> bool:
+            """Repeat the motion when it is over: a busy monitor skips states, until mz is seen."""
+            nonlocal motions
+            found.append(ask(client, apply=True))
+            if found[-1].duration > 20.0 * motions:
+                motions += 1
+                publisher.publish(swing())
+            return bool(found[-1].success)
+
+        wait_until(is_applied, 'the payload', LONG)
+        assert "kg on 'tool0'; a restart begins with no payload" in found[-1].message
         payloads.wait_for(lambda m: m.inertia.m > 0.0, LONG)
         assert payloads.messages[-1].inertia.m == pytest.approx(LOAD.mass, rel=0.05)
         state = client.wait_for(JointState, '/carried/joint_states', timeout=LONG)
         loaded = RigidBody(load_arm(default_arm_urdf()).with_payloads([LOAD])).gravity(
             np.array(state.position))
         gravity.wait_for(lambda m: np.allclose(m.effort, loaded, atol=1.0), LONG)
+        ask(client, stop=True)
         assert 'no estimation is active' in ask(client).message
 
 
