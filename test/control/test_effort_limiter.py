@@ -137,8 +137,20 @@ def test_a_joint_that_moves_away_from_a_limit_is_braked_by_20_per_second(sign):
         guarded = guarded_by(one, Step(
             np.full(N, sign * push), np.zeros(N), np.full(N, sign * 9.0),
             np.full(N, -sign * 0.1), 0.01))
-        assert guarded.by_position == is_held
+        assert (guarded.by_position, guarded.by_velocity) == (is_held, False)
         assert guarded.effort.any() != is_held
+
+
+@laws
+@given(st.floats(0.5, 3.0), st.floats(-0.4, 0.4), vectors(9.0), vectors(50.0))
+def test_the_acceleration_of_a_joint_without_a_limit_stays_as_it_is(inertia, coupling, a, passive):
+    """The first joint, at its limit, is not accelerated, although the second one drives it."""
+    M, still, one = np.array([[inertia, coupling], [coupling, 0.6]]), np.ones(2), guard(rate=1e9)
+    one.last = still
+    limited = one.apply(
+        still + passive + M @ np.array([1.0 + abs(a[0]), a[1]]), lambda: still,
+        np.array([UPPER, 0.0]), np.zeros(2), LONGEST_STEP, lambda q, v: (M, passive))
+    assert np.linalg.solve(M, limited - still - passive) == pytest.approx([0.0, a[1]], abs=1e-9)
 
 
 @laws
