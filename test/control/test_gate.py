@@ -217,6 +217,19 @@ def test_a_joint_that_friction_stops_is_never_missing(
         assert signals.lost is None
 
 
+def test_a_slow_joint_may_rest_while_another_one_is_lost():
+    one, slow = Fed(500.0), np.array([0.0, 0.0001])
+    q = np.zeros(2)
+    for _ in range(50):
+        q = q + [0.002, 0.0]
+        one.signals(q, np.array([1.0, 0.05]))
+    for k in range(50):  # the first joint is lost, the second one moves once
+        signals = one.signals(q + slow, np.zeros(2))
+        assert signals.q[1] == 0.0001
+        assert (signals.lost is not None) == (k > 24)
+    assert signals.lost.tolist() == [True, False]
+
+
 @FEW
 @given(rate=rates, speed=st.floats(0.2, 2.0), gap=st.integers(3, 15))
 def test_a_joint_that_stops_in_a_gap_is_never_missing(rate, speed, gap):
