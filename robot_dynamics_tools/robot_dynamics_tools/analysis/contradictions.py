@@ -33,6 +33,7 @@ from robot_dynamics_tools.analysis.motion_filter import (
     FilteredMotion,
     samples_per_independent_sample,
 )
+from robot_dynamics_tools.estimation.priors import body_prior
 
 LEAST_GAIN, LEAST_GAIN_AT_REST = 0.3, 0.03
 """
@@ -281,15 +282,11 @@ class _Test:
         self._own, self._p = own.shape[2], Y.shape[2]
         self.gravity, self._others = self._p, Z.shape[2] - self._own - n
         self.effort = self._others - len(DELAYS)
-        roots = pseudo_inertia.regularizing_roots(inertial_parameters(arm))
-        self.prior = np.concatenate(
-            [pseudo_inertia.parameters_of(root @ root.T) for root in roots])
-        self._regularization = np.zeros((self._p, self._p))
-        for i, root in enumerate(roots):
-            W = pseudo_inertia.relative_rows(root)
-            part = slice(len(W) * i, len(W) * (i + 1))
-            self._regularization[part, part] = W.T @ W * (
-                _ANY_LOAD if i == len(roots) - 1 else _REGULARIZATION)
+        prior = body_prior(inertial_parameters(arm))
+        weights = np.full(self._p, _REGULARIZATION)
+        weights[-pseudo_inertia.COUNT:] = _ANY_LOAD
+        self.prior = prior.parameters
+        self._regularization = prior.rows.T * weights @ prior.rows
         power = self._products.diagonal(axis1=1, axis2=2)[:, self._own:][
             :, self.effort:self._others]
         self.measured = np.flatnonzero(power.min(axis=1) > 0.0).tolist()

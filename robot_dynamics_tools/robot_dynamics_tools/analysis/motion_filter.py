@@ -19,7 +19,7 @@ from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools.analysis.cutoff import choose_cutoff, Cutoff, HIGHEST_FRACTION
-from robot_dynamics_tools.analysis.velocity_check import contradicts_position
+from robot_dynamics_tools.analysis.units import contradicts_position
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 
 FILTER_ORDER = 4

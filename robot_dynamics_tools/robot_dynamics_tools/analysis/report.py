@@ -20,8 +20,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.tools.command_line import write_file
-from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis, LimitUse
-from robot_dynamics_tools.analysis.residual import ResidualStatistics
+from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis, LimitUse, ResidualStatistics
 from robot_dynamics_tools.reporting.figures import (
     comparison_panels,
     effort_panel,

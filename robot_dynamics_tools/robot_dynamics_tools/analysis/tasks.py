@@ -17,9 +17,12 @@ from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools.analysis import sample_files
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
-from robot_dynamics_tools.analysis.bag_analysis import analyze_recording, LimitUse
+from robot_dynamics_tools.analysis.bag_analysis import (
+    analyze_recording,
+    LimitUse,
+    ResidualStatistics,
+)
 from robot_dynamics_tools.analysis.report import facts, write_report
-from robot_dynamics_tools.analysis.residual import ResidualStatistics
 
 REPORT, PICTURE, TABLE, PARQUET, TERMS = (
     'report.html', 'report.png', 'samples.csv', 'samples.parquet', 'terms')

@@ -13,8 +13,11 @@ import json
 
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
-from robot_dynamics_tools.analysis.contact_learning import EXPECTED
-from robot_dynamics_tools.analysis.contact_recording import levels_from_bags, parameter_text
+from robot_dynamics_tools.analysis.contact_learning import (
+    EXPECTED,
+    levels_from_bags,
+    parameter_text,
+)
 from robot_dynamics_tools.recordings.bag_files import find_recordings
 from robot_dynamics_tools.reporting.text_table import text_table
 

@@ -21,7 +21,7 @@ from robot_dynamics_tools.analysis.arm_recording import (
 )
 from robot_dynamics_tools.gravity_calibration.calibration import calibrate_holds, Calibration
 from robot_dynamics_tools.gravity_calibration.holds import find_holds, Hold
-from robot_dynamics_tools.gravity_calibration.tool_estimate import Tool
+from robot_dynamics_tools.gravity_calibration.scale_fit import Tool
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.tables import TableRecording
 

@@ -12,12 +12,11 @@ from robot_dynamics_tools.gravity_calibration.calibration import (
     LEAST_POSES,
     ScaleReference,
 )
-from robot_dynamics_tools.gravity_calibration.gravity_model import NAMES, UNITS
 from robot_dynamics_tools.gravity_calibration.recorded_holds import (
     RecordedCalibration,
     RecordedHolds,
 )
-from robot_dynamics_tools.gravity_calibration.tool_estimate import ToolEstimate
+from robot_dynamics_tools.gravity_calibration.scale_fit import NAMES, ToolEstimate, UNITS
 from robot_dynamics_tools.reporting.figures import comparison_panels, joint_figure
 from robot_dynamics_tools.reporting.interactive import add_figure
 from robot_dynamics_tools.reporting.text_table import Rows

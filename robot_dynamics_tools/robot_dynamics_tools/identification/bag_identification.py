@@ -27,8 +27,7 @@ from robot_dynamics_tools.analysis.bag_analysis import with_joint_effort
 from robot_dynamics_tools.analysis.batch import Outcome, Task, TaskOutcome
 from robot_dynamics_tools.analysis.motion_filter import filter_motion
 from robot_dynamics_tools.identification import steps
-from robot_dynamics_tools.identification.friction_regressor import scales_of
-from robot_dynamics_tools.identification.joint_excitation import LEAST_TRAVEL
+from robot_dynamics_tools.identification.friction_regressor import LEAST_TRAVEL, scales_of
 from robot_dynamics_tools.identification.pipeline import (
     Identification,
     identify_recordings,

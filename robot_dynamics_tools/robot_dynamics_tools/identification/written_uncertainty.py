@@ -30,11 +30,11 @@ from robot_dynamics.model.effort_deviation import EffortDeviation, make_uncertai
 from robot_dynamics.model.regressor import random_states
 from robot_dynamics.validation import lower_triangle
 from robot_dynamics_tools.analysis.motion_filter import noise_bandwidth
+from robot_dynamics_tools.estimation.effort_fit import decomposed
 from robot_dynamics_tools.identification.friction_regressor import FRICTION_COLUMNS
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.pipeline import base_parameters_of, Identification
 from robot_dynamics_tools.identification.regularized_fit import bounded_problem
-from robot_dynamics_tools.least_squares import decomposed
 
 LARGEST_REGULARIZATION = 1.0
 POSES = 200

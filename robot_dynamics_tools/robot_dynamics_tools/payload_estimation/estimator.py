@@ -22,8 +22,12 @@ from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.model.regressor import LoadRegressor
 from robot_dynamics.validation import LARGEST_VALUE
+from robot_dynamics_tools.estimation.priors import (
+    GIVEN_DEVIATION,
+    SCALE_DEVIATION,
+    unknown_drives,
+)
 from robot_dynamics_tools.payload_estimation.information import solve
-from robot_dynamics_tools.payload_estimation.pairing import pair_rests
 from robot_dynamics_tools.payload_estimation.result import make_result, PayloadEstimate
 from robot_dynamics_tools.payload_estimation.rows import (
     Column,
@@ -31,11 +35,7 @@ from robot_dynamics_tools.payload_estimation.rows import (
     RowBuilder,
     SLIDING_VELOCITY,
 )
-from robot_dynamics_tools.unknown_drives import (
-    GIVEN_DEVIATION,
-    SCALE_DEVIATION,
-    unknown_drives,
-)
+from robot_dynamics_tools.payload_estimation.variance_groups import pair_rests
 
 SHORTEST_BLOCK = 0.1
 """[s]"""
