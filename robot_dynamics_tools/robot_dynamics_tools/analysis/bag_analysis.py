@@ -200,10 +200,12 @@ def with_joint_effort(
 ) -> tuple[FilteredMotion, str]:
     """Return a motion with `joint_effort`, and a remark; raise RecordingError without effort."""
     gravity = RigidBody(arm).gravity_batch(motion.position)
-    effort, remark = joint_effort(motion, gravity, arm, parameters)
-    if effort is None:
+    found, remark = joint_effort(motion, gravity, arm, parameters)
+    if found is None:
         raise RecordingError('the recording has no effort, expected the measured effort')
-    return replace(motion, effort=effort), remark
+    recorded, _ = joint_effort(
+        replace(motion, effort=motion.recorded_effort), gravity, arm, parameters)
+    return replace(motion, effort=found, recorded_effort=recorded), remark
 
 
 def _limit_use(arm: ArmModel, motion: FilteredMotion, effort: FloatArray) -> LimitUse:

@@ -231,17 +231,16 @@ def delay_text(delay: float) -> str:
 
 def without_delay(motion: FilteredMotion, delay: float) -> FilteredMotion:
     """Return a motion with the effort `delay` [s] later; its last samples have none, and end."""
-    t = motion.times
-    kept, effort = np.zeros(len(t), dtype=np.bool_), np.zeros_like(motion.measured_effort)
-    for number in np.unique(motion.segment):
-        rows = np.flatnonzero(motion.segment == number)
-        at = t[rows] + delay
-        kept[rows] = (at >= t[rows[0]]) & (at <= t[rows[-1]])
-        for j, column in enumerate(motion.measured_effort.T):
-            effort[rows, j] = np.interp(at, t[rows], column[rows])
-    arrays = {field.name: getattr(motion, field.name)[kept] for field in fields(motion)
-              if isinstance(getattr(motion, field.name), np.ndarray)}
-    return replace(motion, **{**arrays, 'effort': effort[kept]})
+    t, number = motion.times, motion.segment
+    first, last = (t[np.searchsorted(number, number, side) - (side == 'right')]
+                   for side in ('left', 'right'))
+    at = t + delay
+    kept = (at >= first) & (at <= last)
+    late = motion.with_efforts(lambda effort: np.stack([
+        np.interp(at, t, column) for column in effort.T], axis=1))
+    return replace(late, **{
+        field.name: getattr(late, field.name)[kept] for field in fields(late)
+        if isinstance(getattr(late, field.name), np.ndarray)})
 
 
 class _Test:

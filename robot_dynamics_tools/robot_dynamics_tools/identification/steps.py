@@ -139,8 +139,8 @@ class FilteredArmMotion:
 
     def with_gain(self, drive_gain: FloatArray | None) -> FilteredMotion:
         """Return the motion, its effort multiplied by the gains of the drives (n,)."""
-        return self.motion if drive_gain is None else replace(
-            self.motion, effort=self.motion.measured_effort * drive_gain)
+        return self.motion if drive_gain is None else self.motion.with_efforts(
+            lambda effort: effort * drive_gain)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,8 +176,9 @@ class EffortSeries:
     """
     Measured and modelled effort over time, decimated: (m,) [s] and (m, n).
 
-    `model` is along the motion, `single` sample by sample. `test_from` is the time of the first
-    test sample [s], NaN if all samples are for training.
+    `recorded` is the measured effort before the filter, `model` is along the motion, `single`
+    sample by sample. `test_from` is the time of the first test sample [s], NaN if all samples are
+    for training.
     """
 
     times: FloatArray
@@ -185,6 +186,7 @@ class EffortSeries:
     velocity: FloatArray
     acceleration: FloatArray
     measured: FloatArray
+    recorded: FloatArray
     model: FloatArray
     single: FloatArray
     test_from: float
@@ -244,8 +246,9 @@ def evaluate_recording(recording: FilteredArmMotion, step: Evaluation) -> Evalua
         facts, evaluate_motion(recording.arm, motion, train_fraction, step.models),
         EffortSeries(
             motion.times[::every], motion.position[::every], motion.velocity[::every],
-            motion.acceleration[::every], effort[::every], model[::every], single[::every],
-            test_from),
+            motion.acceleration[::every], effort[::every],
+            (effort if motion.recorded_effort is None else motion.recorded_effort)[::every],
+            model[::every], single[::every], test_from),
         samples if step.keeps_samples else None)
 
 
