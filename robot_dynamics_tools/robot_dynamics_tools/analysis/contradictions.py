@@ -286,15 +286,10 @@ class _Test:
         weights[-pseudo_inertia.COUNT:] = _ANY_LOAD
         self.prior = prior.parameters
         self._regularization = prior.rows.T * weights @ prior.rows
-        power = self._products.diagonal(axis1=1, axis2=2)[:, self._own:][
-            :, self.effort:self._others]
-        self.measured = np.flatnonzero(power.min(axis=1) > 0.0).tolist()
-        described = np.einsum(
-            'a,jab,b->j', self.prior, self._products[:, own.shape[2]:, own.shape[2]:][
-                :, :self._p, :self._p], self.prior)
-        strongest = int(np.argmax(described))
-        self._ratio = float(np.sqrt(
-            power[strongest].max() / max(float(described[strongest]), 1e-300)))
+        sizes = np.sqrt(np.mean(np.stack([motion.measured_effort, effort])[:, rows]**2, axis=1))
+        self.measured = np.flatnonzero(sizes[0]).tolist()
+        strongest = int(np.argmax(sizes[1]))
+        self._ratio = float(sizes[0, strongest] / max(sizes[1, strongest], 1e-150))
         self._count = min(count, len(rows))
         self.freedom = self._count * len(self.measured)
         self._reduced: dict[tuple[int, bool, bool], tuple[FloatArray, FloatArray]] = {}

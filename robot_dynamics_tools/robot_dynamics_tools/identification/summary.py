@@ -25,7 +25,7 @@ from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
 from robot_dynamics_tools.identification.pipeline import Identification, Observability
 from robot_dynamics_tools.identification.recording_agreement import factor_of
-from robot_dynamics_tools.reporting.text_table import percent, Rows
+from robot_dynamics_tools.reporting.text_table import cells, column_rows, percent, Rows
 
 MODELS = {
     'urdf': 'URDF', 'urdf and friction': 'URDF + friction', 'base': 'base parameters',
@@ -112,24 +112,21 @@ def residual_title(identification: Identification) -> str:
 def residual_rows(identification: Identification) -> Rows:
     """Return the residual of the models on samples that were not used for training."""
     tests = identification.tests
-    rows: Rows = [('joint', *MODELS.values(), 'sample by sample')]
-    for j, name in enumerate(identification.arm.joint_names):
-        rows.append((
-            name, *(percent(tests[model].relative()[j]) for model in MODELS),
-            percent(tests['consistent'].relative('test_by_sample')[j])))
-    return rows
+    return column_rows(
+        'joint', identification.arm.joint_names,
+        *((title, map(percent, tests[model].relative())) for model, title in MODELS.items()),
+        ('sample by sample', map(percent, tests['consistent'].relative('test_by_sample'))))
 
 
 def friction_rows(identification: Identification) -> Rows:
     """Return friction and rotor of each joint."""
     arm, fit = identification.arm, identification.models.consistent
     friction = fitted_friction(arm, fit)
-    shown = [field for field in FRICTION_FIELDS if field.heading]
-    rows: Rows = [('joint', *(field.heading for field in shown), 'reflected inertia')]
-    for j, name in enumerate(arm.joint_names):
-        rows.append((name, *(_friction_cell(field, friction, j) for field in shown),
-                     f'{fit.joint_values[j, friction_regressor.INERTIA]:.4g}'))
-    return rows
+    return column_rows(
+        'joint', arm.joint_names,
+        *((field.heading, [_friction_cell(field, friction, j) for j in range(arm.joint_count)])
+          for field in FRICTION_FIELDS if field.heading),
+        ('reflected inertia', cells(fit.joint_values[:, friction_regressor.INERTIA], '.4g')))
 
 
 def _friction_cell(field: ParameterField, friction: JointFriction, joint: int) -> str:
@@ -141,17 +138,18 @@ def _friction_cell(field: ParameterField, friction: JointFriction, joint: int) -
 
 def gain_rows(identification: Identification, gains: GainEstimate) -> Rows:
     """Return the drive gains."""
-    rows: Rows = [('joint', 'gain K', 'deviation', 'by noise only', '')]
-    for j, name in enumerate(identification.arm.joint_names):
-        rows.append((
-            name, f'{gains.gain[j]:.4g}', f'{gains.deviation[j]:.2g}',
-            f'{gains.noise[j]:.2g}',
-            ('sign by friction, no size: -1 is used' if gains.is_reversed[j] else
-             'not identifiable: 1 is used') if not gains.is_known[j] else
-            '; '.join(text for text, is_so in (
-                ('the effort has the opposite sign', gains.is_reversed[j]),
-                ('confounded with the masses of the URDF', gains.is_confounded[j])) if is_so)))
-    return rows
+    def note(j: int) -> str:
+        if not gains.is_known[j]:
+            return ('sign by friction, no size: -1 is used' if gains.is_reversed[j]
+                    else 'not identifiable: 1 is used')
+        return '; '.join(text for text, is_so in (
+            ('the effort has the opposite sign', gains.is_reversed[j]),
+            ('confounded with the masses of the URDF', gains.is_confounded[j])) if is_so)
+
+    return column_rows(
+        'joint', identification.arm.joint_names,
+        ('gain K', cells(gains.gain, '.4g')), ('deviation', cells(gains.deviation, '.2g')),
+        ('by noise only', cells(gains.noise, '.2g')), ('', map(note, range(len(gains.gain)))))
 
 
 def warnings(identification: Identification) -> list[str]:
