@@ -85,9 +85,9 @@ def read_motion(bag: Path, settings: IdentificationSettings) -> steps.FilteredAr
 
 
 def reduce_task(bag: Path, task: tuple[IdentificationSettings, steps.Reduction]) -> QrInformation:
-    """Return the information in a recording; raise like `read_motion` and `reduce_recording`."""
+    """Return the information in a recording; raise like `read_motion` and the step."""
     settings, step = task
-    return steps.reduce_recording(read_motion(bag, settings), step)
+    return step(read_motion(bag, settings))
 
 
 def evaluate_task(
@@ -95,7 +95,7 @@ def evaluate_task(
 ) -> steps.EvaluatedRecording:
     """Return the tests of models on a recording; raise the errors of `read_motion`."""
     settings, step = task
-    return steps.evaluate_recording(read_motion(bag, settings), step)
+    return step(read_motion(bag, settings))
 
 
 TaskRunner = Callable[[Task[Any, Any], Sequence[Path], Any], list[TaskOutcome[Any]]]
@@ -148,5 +148,6 @@ def identify_bags(
         settings.arm, partial(results, reduce_task), partial(results, evaluate_task))
     found = observability(recordings, effort_is_current) if dry_run else identify_recordings(
         recordings, effort_is_current, on_stage, keeps_samples)
-    return found if isinstance(found, Observability) else BagIdentification(
-        found, tuple(left), tuple(failed.items()), settings.analysis.seeks_stiffness)
+    return BagIdentification(
+        found, tuple(left), tuple(failed.items()), settings.analysis.seeks_stiffness) if (
+            isinstance(found, Identification)) else found

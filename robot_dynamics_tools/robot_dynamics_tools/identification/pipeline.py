@@ -43,24 +43,33 @@ _STATES = 60
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Observability:
     """
-    The result of an identification: the models, the base parameters, and their tests.
+    What recordings determine: the fitted models, and the base parameters.
 
-    `gains` are the gains of the drives if the effort was interpreted as a current;
-    `seeming_gains` are the gains that would result from this interpretation. `recordings` are the
-    tested recordings. With `is_cross_validated`, no samples were left for the test, and `tests`
-    have the residual on the cross-validation folds. `difference` (b,) is that of the bodies
-    of the consistent set from the URDF (`recording_agreement`).
+    `gains` are the gains of the drives if the effort was interpreted as a current.
     """
 
     arm: ArmModel
-    models: model_selection.FittedModels
-    base: BaseParameters
-    estimate: ParameterEstimate
     information: QrInformation
-    tests: dict[str, steps.ModelTest]
     gains: GainEstimate | None
+    models: model_selection.FittedModels
+    estimate: ParameterEstimate
+
+
+@dataclass(frozen=True, eq=False)
+class Identification(Observability):
+    """
+    The result of an identification: what it determined, and the tests of the models.
+
+    `seeming_gains` are the gains that would result if the effort were interpreted as a current.
+    `recordings` are the tested recordings. With `is_cross_validated`, no samples were left for the
+    test, and `tests` have the residual on the cross-validation folds. `difference` (b,) is that of
+    the bodies of the consistent set from the URDF (`recording_agreement`).
+    """
+
+    base: BaseParameters
+    tests: dict[str, steps.ModelTest]
     seeming_gains: GainEstimate
     recordings: tuple[steps.EvaluatedRecording, ...]
     difference: FloatArray
@@ -78,16 +87,6 @@ class Recordings(NamedTuple):
     arm: Callable[[Sequence[str]], ArmModel]
     reduce: Callable[[steps.Reduction], list[QrInformation]]
     evaluate: Callable[[steps.Evaluation], list[steps.EvaluatedRecording]]
-
-
-class Observability(NamedTuple):
-    """What a first pass over recordings determines, before any model is fitted and tested."""
-
-    arm: ArmModel
-    information: QrInformation
-    gains: GainEstimate | None
-    models: model_selection.FittedModels
-    estimate: ParameterEstimate
 
 
 def observability(recordings: Recordings, effort_is_current: bool | None) -> Observability:
@@ -146,9 +145,8 @@ def identify(
     """
     recorded = [steps.prepared_motion(arm, motion, train_fraction) for motion in motions]
     return identify_recordings(Recordings(
-        lambda _: arm, lambda step: [steps.reduce_recording(each, step) for each in recorded],
-        lambda step: [steps.evaluate_recording(each, step) for each in recorded]),
-        effort_is_current)
+        lambda _: arm, lambda step: [step(each) for each in recorded],
+        lambda step: [step(each) for each in recorded]), effort_is_current)
 
 
 def identify_recordings(
@@ -192,7 +190,7 @@ def identify_recordings(
     if is_cross_validated:
         tests = steps.cross_validated_tests(information, models, tests)
     return Identification(
-        arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated),
+        arm, information, gains, models, estimate, base, tests, seeming, tuple(evaluated),
         recording_agreement.difference_from_urdf(models.consistent, models.problem.prior),
         is_cross_validated)
 

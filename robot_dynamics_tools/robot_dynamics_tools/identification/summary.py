@@ -171,7 +171,7 @@ def observable_lines(found: Observability) -> list[str]:
                 for name, is_known in zip(found.arm.joint_names, found.gains.is_known)])]
 
 
-def not_separable(identification: Identification | Observability) -> dict[str, tuple[str, ...]]:
+def not_separable(identification: Observability) -> dict[str, tuple[str, ...]]:
     """Return the friction parameters that were left out, by joint, for joints with effort."""
     information = identification.information
     return {
@@ -180,7 +180,7 @@ def not_separable(identification: Identification | Observability) -> dict[str, t
         if information.is_measured[j] and information.excitation.left_out(j)}
 
 
-def _of_friction(identification: Identification | Observability) -> Iterator[str]:
+def _of_friction(identification: Observability) -> Iterator[str]:
     names = identification.arm.joint_names
     excitation = identification.information.excitation
     structures = identification.models.problem.structures
@@ -223,7 +223,7 @@ def _of_bounds(identification: Identification) -> Iterator[str]:
             f'{without} instead of {text}')
 
 
-def _of_excitation(identification: Identification | Observability) -> Iterator[str]:
+def _of_excitation(identification: Observability) -> Iterator[str]:
     estimate = identification.estimate
     if estimate.condition > ILL_CONDITIONED:
         yield (f'the condition number of the base parameters is {estimate.condition:.3g}, above '
