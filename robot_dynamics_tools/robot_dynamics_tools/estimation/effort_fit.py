@@ -58,7 +58,7 @@ def decomposed(A: FloatArray, rcond: float = 1e-9) -> Decomposition:
     scale = column_scale(A)
     scale[scale * _ROUNDING > scale[scale > 0.0].min(initial=np.inf)] = 0.0
     U, singular, Vt = np.linalg.svd(A * scale, full_matrices=False)
-    kept = singular > rcond * singular[0]
+    kept = singular > rcond * singular.max(initial=0.0)
     V, s = Vt[kept].T, singular[kept]
     return Decomposition(
         U[:, kept], scale[:, np.newaxis] * V / s,

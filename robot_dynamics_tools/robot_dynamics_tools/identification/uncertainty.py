@@ -98,7 +98,7 @@ def estimate_parameters(
     before = np.concatenate([
         base.matrix @ np.concatenate([prior.parameters, np.zeros(n)]), np.zeros(len(x) - r)])
     excited = np.concatenate([deviations[:r] < UNEXCITED * size, np.isfinite(deviations[r:])])
-    condition = float(s_base[0] / s_base[-1]) if s_base[-1] > 0.0 else np.inf
+    condition = float(s_base[0] / s_base[-1]) if s_base.all() and joints else np.inf
     return ParameterEstimate(names, x, deviations, before, r, condition, excited)
 
 
