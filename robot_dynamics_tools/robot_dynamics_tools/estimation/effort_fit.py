@@ -132,14 +132,13 @@ class EffortFit:
 
     def spread(self, combinations: FloatArray) -> Spread:
         """Return the spread of combinations (c, u) of θ."""
-        _, back, is_lost, _ = self.solution
-        parts = np.array([
-            ((self.solution.basis[self.group == g] @ (combinations @ back).T)**2).sum(axis=0)
-            for g in range(len(self.variances) + 1)])
+        own = (combinations @ self.solution.back).T
+        parts = np.array([((self.solution.basis[self.group == g] @ own)**2).sum(axis=0)
+                          for g in range(len(self.variances) + 1)])
         total = parts.sum(axis=0)
         share = np.divide(parts, total, out=np.zeros_like(parts), where=total > 0.0)
         factor, quantile = estimated_weights(share, np.append(self.freedom, _UNLIMITED))
-        lost = (np.abs(combinations[:, is_lost]) > LOST).any(axis=1)
+        lost = (np.abs(combinations[:, self.solution.is_lost]) > LOST).any(axis=1)
         deviation = np.where(lost, np.inf, np.sqrt(total) * factor)
         return Spread(deviation, deviation * quantile)
 

@@ -83,8 +83,8 @@ def estimate_parameters(
 
     fit = fit_effort(groups(information.together()), np.zeros(len(names)),
                      np.ones(len(joints)), lambda _: W)
-    x, (_, back, is_lost, _) = fit.values, fit.solution
-    noise = np.linalg.norm(back, axis=1)
+    x, is_lost = fit.values, fit.solution.is_lost
+    noise = np.linalg.norm(fit.solution.back, axis=1)
     parts = [stacked(groups(information.all_but(i)), x, fit.variances, W, x)
              for i in information.folds]
     changes = np.array([decomposed(A).inverse @ b for A, b, _ in parts])

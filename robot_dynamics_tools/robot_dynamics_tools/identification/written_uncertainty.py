@@ -104,7 +104,7 @@ def recorded_deviations(identification: Identification) -> dict[str, FloatArray]
         is_known.any()) else band
     return {
         'noise_deviation': np.sqrt(noise),
-        'noise_bandwidth': np.clip(white, band, 0.5 * facts[0].rate_hz),
+        'noise_bandwidth': np.asarray(np.clip(white, band, 0.5 * facts[0].rate_hz)),
         'friction_deviation': np.sqrt(np.maximum(friction, raw_friction)),
         'friction_velocity': fast, 'largest_velocity': speed.max(axis=0)}
 
