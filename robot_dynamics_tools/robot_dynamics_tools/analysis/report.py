@@ -22,12 +22,7 @@ from robot_dynamics.joints.units import units_of
 from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.tools.command_line import write_file
 from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis, LimitUse, ResidualStatistics
-from robot_dynamics_tools.reporting.figures import (
-    comparison_panels,
-    effort_panel,
-    Panel,
-    scatter_figure,
-)
+from robot_dynamics_tools.reporting import figures
 from robot_dynamics_tools.reporting.interactive import add_figure, add_time_figures
 from robot_dynamics_tools.reporting.text_table import cells, column_rows, percent, Rows
 
@@ -166,16 +161,16 @@ def _explained(residual: FloatArray, columns: FloatArray) -> tuple[float, FloatA
     return 1.0 - float(rest @ rest / (residual @ residual)), np.asarray(fit, dtype=np.float64)
 
 
-def effort_panels(analysis: BagAnalysis) -> list[Panel]:
+def effort_panels(analysis: BagAnalysis) -> list[figures.Panel]:
     """Return the panels of measured and modelled effort, and of the modelled effort by term."""
     times, terms = analysis.motion.times, analysis.terms
-    panels: list[Panel] = []
+    panels: list[figures.Panel] = []
     if analysis.measured is not None:
-        panels += comparison_panels(times, *(
+        panels += figures.comparison_panels(times, *(
             _with_gaps(analysis, values) for values in (analysis.measured, terms.effort)))
     by_term = {name: values for name, values in terms.by_name.items()
                if name != 'friction' or np.any(values)}
-    panels.append(effort_panel('Model by term', times, {
+    panels.append(figures.effort_panel('Model by term', times, {
         name: _with_gaps(analysis, values)
         for name, values in {**by_term, 'effort': terms.effort}.items()}))
     return panels
@@ -186,7 +181,7 @@ def friction_figure(analysis: BagAnalysis) -> Any | None:
     if analysis.residual is None:
         return None
     arm, counts = analysis.arm, analysis.motion.usable
-    return scatter_figure(
+    return figures.scatter_figure(
         'Residual over velocity: effects of velocity only appear as a line or a step', arm,
         analysis.motion.velocity[counts], analysis.residual[counts])
 

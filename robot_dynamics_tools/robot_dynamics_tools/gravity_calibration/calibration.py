@@ -25,16 +25,8 @@ from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.worst_gravity import sample_positions
 from robot_dynamics_tools.estimation.effort_fit import EffortFit, NORMAL, Spread
 from robot_dynamics_tools.estimation.priors import unknown_drives
+from robot_dynamics_tools.gravity_calibration import scale_fit
 from robot_dynamics_tools.gravity_calibration.holds import Hold, pair_holds, PairedHolds
-from robot_dynamics_tools.gravity_calibration.scale_fit import (
-    estimate_tool,
-    fit_scales,
-    gravity_regressor,
-    link_columns,
-    Observations,
-    Tool,
-    ToolEstimate,
-)
 
 LEAST_POSES = 4
 """Smallest number of poses that a joint must approach from both sides."""
@@ -86,7 +78,7 @@ class Calibration:
     arm: ArmModel
     reference: ScaleReference
     sets: tuple[HoldSet, ...]
-    tool: ToolEstimate | None
+    tool: scale_fit.ToolEstimate | None
     scale: FloatArray
     offset: FloatArray
     scale_interval: FloatArray
@@ -109,7 +101,7 @@ class Calibration:
 
 def calibrate_holds(
     arm: ArmModel, without_weight: Sequence[Hold], with_weight: Sequence[Hold] = (),
-    weight: Payload | None = None, tool: Tool | None = None,
+    weight: Payload | None = None, tool: scale_fit.Tool | None = None,
 ) -> Calibration:
     """
     Return the calibration from holds, those `with_weight` with a known weight on a link.
@@ -151,7 +143,7 @@ def calibrate_holds(
     spread = fit.spread(np.eye(2 * n, len(fit.values)))
     return Calibration(
         arm, reference, tuple(sets),
-        None if tool is None else estimate_tool(
+        None if tool is None else scale_fit.estimate_tool(
             arm, tool, weight is not None, basis, fit),
         scale, offset,
         np.where(is_observable, spread.interval[:n] * scale**2, np.inf),
@@ -166,7 +158,7 @@ def calibrate_holds(
 
 
 def _covariance(
-    arm: ArmModel, seen: Observations, fit: EffortFit, spread: Spread, scale: FloatArray,
+    arm: ArmModel, seen: scale_fit.Observations, fit: EffortFit, spread: Spread, scale: FloatArray,
     is_observable: BoolArray, has_enough: BoolArray,
 ) -> FloatArray:
     """Return the covariance (2n, 2n) of s and o, from that of k = 1 / s and o."""
@@ -183,12 +175,12 @@ def _covariance(
 
 
 def _observations(
-    arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None,
+    arm: ArmModel, sets: Sequence[HoldSet], tool: scale_fit.Tool | None,
     reference: ScaleReference,
-) -> tuple[Observations, FloatArray]:
+) -> tuple[scale_fit.Observations, FloatArray]:
     """Return the equations of all sets, and the gravity parameters (4 × bodies, k) of β."""
     Y = np.concatenate([
-        one.paired.mean(gravity_regressor(arm, one.paired.positions)) for one in sets])
+        one.paired.mean(scale_fit.gravity_regressor(arm, one.paired.positions)) for one in sets])
     effort = np.concatenate([one.paired.effort for one in sets])
     is_used = np.concatenate([one.paired.is_paired for one in sets])
     loads = np.concatenate([
@@ -197,22 +189,22 @@ def _observations(
     if reference is ScaleReference.WEIGHT:
         _, singular, Vt = np.linalg.svd(Y[is_used], full_matrices=False)
         basis = Vt[singular > _SAME * singular[0]].T  # of what determines these rows
-        return Observations(effort, known, Y @ basis, is_used), basis
+        return scale_fit.Observations(effort, known, Y @ basis, is_used), basis
     known += np.concatenate([
         one.paired.mean(RigidBody(arm).gravity_batch(one.paired.positions)) for one in sets])
     basis = np.zeros((Y.shape[2], 0))
     if tool is not None and tool.mass is not None:
-        T = link_columns(arm, tool.link)
+        T = scale_fit.link_columns(arm, tool.link)
         known += Y @ (T[:, 0] * tool.mass)
         basis = T[:, 1:]
-    return Observations(effort, known, Y @ basis, is_used), basis
+    return scale_fit.Observations(effort, known, Y @ basis, is_used), basis
 
 
 def _weight_parameters(arm: ArmModel, weight: Payload | None) -> FloatArray:
     """Return the gravity parameters (4 × bodies,) of a weight."""
     if weight is None:
         return np.zeros(4 * (arm.pinocchio_model.njoints - 1))
-    columns = link_columns(arm, weight.link)
+    columns = scale_fit.link_columns(arm, weight.link)
     if not columns.any():
         raise InvalidInputError(
             f'the weight is on {weight.link!r}, which is fixed to the base, expected a link that '
@@ -221,11 +213,11 @@ def _weight_parameters(arm: ArmModel, weight: Payload | None) -> FloatArray:
 
 
 def _fit(
-    seen: Observations, arm: ArmModel, assumed: FloatArray,
+    seen: scale_fit.Observations, arm: ArmModel, assumed: FloatArray,
 ) -> tuple[EffortFit, BoolArray]:
     """Return the fit, and which joints have an observable scale; the others are `assumed`."""
     n = arm.joint_count
-    fit = fit_scales(seen, np.full(n, np.nan))
+    fit = scale_fit.fit_scales(seen, np.full(n, np.nan))
     deviation = fit.spread(np.eye(n, len(fit.values))).deviation
     is_observable = seen.is_used.any(axis=0) & (deviation < UNOBSERVABLE * np.abs(fit.values[:n]))
     if not is_observable.any():
@@ -236,12 +228,12 @@ def _fit(
             f'standard deviation {noise.round(3).tolist()}, expected poses in which the gravity '
             'torque differs more')
     if not is_observable.all():
-        fit = fit_scales(seen, np.where(is_observable, np.nan, assumed))
+        fit = scale_fit.fit_scales(seen, np.where(is_observable, np.nan, assumed))
     return fit, is_observable
 
 
 def _values(
-    seen: Observations, torque: FloatArray, fit: EffortFit,
+    seen: scale_fit.Observations, torque: FloatArray, fit: EffortFit,
     is_observable: BoolArray, has_enough: BoolArray, previous: EffortCalibration,
 ) -> tuple[FloatArray, FloatArray]:
     """Return scale and offset, of the fit or the previous ones."""

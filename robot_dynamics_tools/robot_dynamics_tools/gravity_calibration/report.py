@@ -7,14 +7,11 @@ import numpy as np
 from robot_dynamics.joints.effort_calibration import LARGEST_OFFSET, LARGEST_SCALE, LEAST_SCALE
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
+from robot_dynamics_tools.gravity_calibration import recorded_holds
 from robot_dynamics_tools.gravity_calibration.calibration import (
     Calibration,
     LEAST_POSES,
     ScaleReference,
-)
-from robot_dynamics_tools.gravity_calibration.recorded_holds import (
-    RecordedCalibration,
-    RecordedHolds,
 )
 from robot_dynamics_tools.gravity_calibration.scale_fit import NAMES, ToolEstimate, UNITS
 from robot_dynamics_tools.reporting.figures import comparison_panels, joint_figure
@@ -22,7 +19,7 @@ from robot_dynamics_tools.reporting.interactive import add_figure
 from robot_dynamics_tools.reporting.text_table import cells, column_rows, Rows
 
 
-def fact_rows(found: RecordedCalibration) -> Rows:
+def fact_rows(found: recorded_holds.RecordedCalibration) -> Rows:
     """Return the facts of a calibration, with a name and a value in each row."""
     calibration = found.calibration
     arm = calibration.arm
@@ -62,7 +59,7 @@ def tool_rows(tool: ToolEstimate) -> Rows:
             cells(tool.intervals, '.2g', UNITS), tool.intervals)]))
 
 
-def hold_rows(found: RecordedHolds) -> Rows:
+def hold_rows(found: recorded_holds.RecordedHolds) -> Rows:
     """Return the holds, with positions and the side from which each joint came."""
     arm = found.arm
     rows: Rows = [('time [s]', *(
@@ -160,7 +157,7 @@ def _more(found: Calibration) -> str:
     return WEIGHT if found.reference is ScaleReference.WEIGHT else POSES
 
 
-def calibration_page(found: RecordedCalibration, origin: Origin) -> str:
+def calibration_page(found: recorded_holds.RecordedCalibration, origin: Origin) -> str:
     """Return the report; raise MissingDependencyError without matplotlib."""
     calibration = found.calibration
     lines = [line for one in found.recorded for line in one.lines]

@@ -20,13 +20,7 @@ from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.model.regressor import inertial_parameters, TorqueRegressor
-from robot_dynamics_tools.estimation.effort_fit import (
-    decomposed,
-    EffortFit,
-    fit_effort,
-    residual_variances,
-    Rows,
-)
+from robot_dynamics_tools.estimation import effort_fit
 from robot_dynamics_tools.estimation.priors import SCALE_DEVIATION
 
 NAMES = ('m', 'mx', 'my', 'mz')
@@ -78,16 +72,17 @@ class Observations:
     columns: FloatArray
     is_used: BoolArray
 
-    def rows(self, j: int) -> Rows:
+    def rows(self, j: int) -> effort_fit.Rows:
         """Return the equations of a joint, whose unknowns are k (n,), o (n,) and β (k,)."""
         used, (_, n, size) = self.is_used[:, j], self.columns.shape
         z = np.column_stack([self.columns[used, j], self.known[used, j], np.ones(used.sum()),
                              self.effort[used, j]])
         of_beta, known, one, effort = np.split(np.eye(size + 3), [size, size + 1, size + 2])
-        return Rows(z, len(z), effort[0], np.outer(one, np.eye(2 * n + size)[n + j]), j, known[0],
-                    of_beta.T @ np.eye(size, 2 * n + size, 2 * n))
+        return effort_fit.Rows(
+            z, len(z), effort[0], np.outer(one, np.eye(2 * n + size)[n + j]), j, known[0],
+            of_beta.T @ np.eye(size, 2 * n + size, 2 * n))
 
-    def torque(self, fit: EffortFit) -> FloatArray:
+    def torque(self, fit: effort_fit.EffortFit) -> FloatArray:
         """Return the gravity torque (P, n) [N·m] or [N] of a fit."""
         return np.asarray(self.known + self.columns @ fit.values[2 * self.effort.shape[1]:])
 
@@ -108,7 +103,7 @@ def joint_columns(of_scale: FloatArray, of_offset: float, of_beta: FloatArray) -
     return A
 
 
-def fit_scales(seen: Observations, assumed: FloatArray) -> EffortFit:
+def fit_scales(seen: Observations, assumed: FloatArray) -> effort_fit.EffortFit:
     """
     Return the fit of k (n,), o (n,) [N·m] or [N] and β (k,), in this order.
 
@@ -122,10 +117,10 @@ def fit_scales(seen: Observations, assumed: FloatArray) -> EffortFit:
     def variances(
         theta: FloatArray, squares: FloatArray, free: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        found, freedom = residual_variances(theta, squares, free)
+        found, freedom = effort_fit.residual_variances(theta, squares, free)
         return np.maximum(found, floor), freedom
 
-    return fit_effort(
+    return effort_fit.fit_effort(
         [seen.rows(j) for j in range(n)], start, np.ones(n), lambda _: W, variances)
 
 
@@ -150,7 +145,7 @@ def linear_fit(A: FloatArray, covariance: FloatArray) -> tuple[FloatArray, BoolA
     """
     variance, axes = np.linalg.eigh(covariance)
     rows = axes.T / np.sqrt(np.maximum(variance, 1e-12 * variance[-1]))[:, None]
-    found = decomposed(rows @ A)
+    found = effort_fit.decomposed(rows @ A)
     return np.asarray(found.inverse @ rows), found.is_lost
 
 
@@ -177,7 +172,7 @@ class ToolEstimate:
 
 
 def estimate_tool(
-    arm: ArmModel, tool: Tool, has_weight: bool, basis: FloatArray, fit: EffortFit,
+    arm: ArmModel, tool: Tool, has_weight: bool, basis: FloatArray, fit: effort_fit.EffortFit,
 ) -> ToolEstimate:
     """
     Return the tool; `basis` (4 × bodies, k) are the gravity parameters of β of the fit.

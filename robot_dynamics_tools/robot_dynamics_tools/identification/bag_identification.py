@@ -26,15 +26,8 @@ from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_f
 from robot_dynamics_tools.analysis.bag_analysis import with_joint_effort
 from robot_dynamics_tools.analysis.batch import Outcome, Task, TaskOutcome
 from robot_dynamics_tools.analysis.motion_filter import filter_motion
-from robot_dynamics_tools.identification import steps
+from robot_dynamics_tools.identification import pipeline, steps
 from robot_dynamics_tools.identification.friction_regressor import LEAST_TRAVEL, scales_of
-from robot_dynamics_tools.identification.pipeline import (
-    Identification,
-    identify_recordings,
-    Observability,
-    observability,
-    Recordings,
-)
 from robot_dynamics_tools.identification.qr_information import QrInformation
 
 
@@ -111,7 +104,7 @@ class BagIdentification:
     with their errors. With `seeks_stiffness`, the gains are the stiffness of position drives.
     """
 
-    identification: Identification
+    identification: pipeline.Identification
     bags: tuple[Path, ...]
     failed: tuple[tuple[Path, str], ...]
     seeks_stiffness: bool = False
@@ -121,7 +114,7 @@ def identify_bags(
     bags: Sequence[Path], settings: IdentificationSettings, run: TaskRunner,
     effort_is_current: bool | None = None, on_stage: Callable[[str], None] = lambda _: None,
     keeps_samples: bool = False, dry_run: bool = False,
-) -> BagIdentification | Observability:
+) -> BagIdentification | pipeline.Observability:
     """
     Return the identification of an arm from recordings on disk, like `identify_recordings`.
 
@@ -144,10 +137,10 @@ def identify_bags(
                 f'{bag.name}: {error}' for bag, error in failed.items()))
         return [result for _, result in done]
 
-    recordings = Recordings(
+    recordings = pipeline.Recordings(
         settings.arm, partial(results, reduce_task), partial(results, evaluate_task))
-    found = observability(recordings, effort_is_current) if dry_run else identify_recordings(
-        recordings, effort_is_current, on_stage, keeps_samples)
+    found = pipeline.observability(recordings, effort_is_current) if dry_run else (
+        pipeline.identify_recordings(recordings, effort_is_current, on_stage, keeps_samples))
     return BagIdentification(
         found, tuple(left), tuple(failed.items()), settings.analysis.seeks_stiffness) if (
-            isinstance(found, Identification)) else found
+            isinstance(found, pipeline.Identification)) else found

@@ -18,11 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics_tools.estimation.effort_fit import fit_effort, Rows
-from robot_dynamics_tools.identification.friction_regressor import (
-    COLUMN_NAMES,
-    PAYLOAD,
-    structure,
-)
+from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.qr_information import QrInformation
 from robot_dynamics_tools.identification.regularized_fit import Prior
 
@@ -39,8 +35,8 @@ SEEMS_OFF = 2.0
 """A drive gain that differs from 1 by more than this factor suggests a unit other than N·m."""
 CONFOUNDED = 2.0
 """Ratio of both deviations above which a gain is confounded with the masses of the URDF."""
-_FRICTION = structure('sigmoid 0.03').columns
-_DRY = 1 + _FRICTION.index(COLUMN_NAMES.index('sigmoid 0.03'))
+_FRICTION = friction_regressor.structure('sigmoid 0.03').columns
+_DRY = 1 + _FRICTION.index(friction_regressor.COLUMN_NAMES.index('sigmoid 0.03'))
 """Place of dry friction among the load and these columns."""
 
 
@@ -120,7 +116,7 @@ def drive_gains(information: QrInformation, prior: Prior) -> GainEstimate:
     gain, deviation, noise = np.full(n, np.nan), np.full(n, np.inf), np.full(n, np.inf)
     sign, first = np.ones(n), 1 + len(own)
     z, unit = np.eye(factors.shape[-1]), np.eye(first + p)
-    known, masses = prior.parameters @ z[:p] + z[p + PAYLOAD], z[:, :p] @ spread
+    known, masses = prior.parameters @ z[:p] + z[p + friction_regressor.PAYLOAD], z[:, :p] @ spread
     friction, errors = z[:, p + own] @ unit[1:first], masses @ unit[first:]
     linear, no_prior = np.column_stack([known, z[:, p + own]]), np.zeros((0, first))
     for j in np.flatnonzero(information.is_measured).tolist():
@@ -135,7 +131,7 @@ def drive_gains(information: QrInformation, prior: Prior) -> GainEstimate:
         if fit.values[_DRY] < -LEAST_CERTAINTY * by_noise[_DRY]:
             sign[j] = -1.0
         noise[j] = by_noise[0] / inverse**2 if inverse else np.inf
-        if R[:, p + PAYLOAD].any():
+        if R[:, p + friction_regressor.PAYLOAD].any():
             wide = fit_effort([Rows(R, counts[j], z[-1], friction, 0, known, errors)],
                               np.zeros(first + p), np.ones(1), lambda _: unit[first:])
             of_wide = np.linalg.norm(wide.solution.back[0])

@@ -24,14 +24,8 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
+from robot_dynamics.joints import friction_terms
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.joints.friction_terms import (
-    DRY_FRICTION,
-    FrictionTerm,
-    OFFSET_EFFORT,
-    TERMS,
-    VISCOUS_FRICTION,
-)
 from robot_dynamics.joints.parameter_field import ParameterField
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics_tools.analysis.motion_filter import FilteredMotion
@@ -43,7 +37,7 @@ PRISMATIC_SCALE = 0.1
 class Column(NamedTuple):
     """A column of friction: its parameter, and the value of the width, if the term has one."""
 
-    term: FrictionTerm
+    term: friction_terms.FrictionTerm
     parameter: ParameterField
     width: ParameterField | None
     candidate: float
@@ -54,7 +48,7 @@ class Column(NamedTuple):
         return self.parameter.heading + (f' {self.candidate:g}' if self.width else '')
 
 
-def columns_of(term: FrictionTerm) -> Iterator[Column]:
+def columns_of(term: friction_terms.FrictionTerm) -> Iterator[Column]:
     """Yield the columns of a term."""
     width = next((field for field in term.fields if field.candidates), None)
     for parameter in term.fields:
@@ -63,7 +57,7 @@ def columns_of(term: FrictionTerm) -> Iterator[Column]:
                 yield Column(term, parameter, width, candidate)
 
 
-FRICTION_COLUMNS = tuple(column for term in TERMS for column in columns_of(term))
+FRICTION_COLUMNS = tuple(column for term in friction_terms.TERMS for column in columns_of(term))
 INERTIA = 0
 PAYLOAD = 1 + len(FRICTION_COLUMNS)
 """The column of the known effort of payloads, which belongs to no friction structure."""
@@ -75,9 +69,9 @@ def _where(is_one: Callable[[Column], bool]) -> IntArray:
     return np.array([i for i, column in enumerate(FRICTION_COLUMNS, 1) if is_one(column)])
 
 
-VISCOUS = _where(lambda column: column.term.kind == VISCOUS_FRICTION)
-OFFSET = _where(lambda column: column.term.kind == OFFSET_EFFORT)
-SHARP = _where(lambda column: column.term.kind == DRY_FRICTION)
+VISCOUS = _where(lambda column: column.term.kind == friction_terms.VISCOUS_FRICTION)
+OFFSET = _where(lambda column: column.term.kind == friction_terms.OFFSET_EFFORT)
+SHARP = _where(lambda column: column.term.kind == friction_terms.DRY_FRICTION)
 """The columns that change fast at a velocity reversal."""
 LOAD = _where(lambda column: not column.parameter.unit)
 """The columns of friction that grows with the load."""
@@ -122,18 +116,18 @@ def structures(left_out: Sequence[str] = ()) -> Iterator[FrictionStructure]:
     If the offset cannot be separated from dry friction, a structure has one of them. Friction that
     grows with the load then has no candidate, because it is as constant as the load.
     """
-    viscous = () if VISCOUS_FRICTION in left_out else VISCOUS.tolist()
-    terms = () if DRY_FRICTION in left_out else (
-        term for term in TERMS if term.kind == DRY_FRICTION)
+    viscous = () if friction_terms.VISCOUS_FRICTION in left_out else VISCOUS.tolist()
+    terms = () if friction_terms.DRY_FRICTION in left_out else (
+        term for term in friction_terms.TERMS if term.kind == friction_terms.DRY_FRICTION)
     for chosen in product(*map(_choices, terms)):
         dry = [column for columns in chosen for column in columns]
-        is_known = OFFSET_EFFORT not in left_out
+        is_known = friction_terms.OFFSET_EFFORT not in left_out
         if is_known or not np.isin(dry, LOAD).any():
             offset = OFFSET.tolist() if is_known or not dry else ()
             yield FrictionStructure(tuple(sorted((INERTIA, *viscous, *offset, *dry))))
 
 
-def _choices(term: FrictionTerm) -> list[tuple[int, ...]]:
+def _choices(term: friction_terms.FrictionTerm) -> list[tuple[int, ...]]:
     """Return the columns of a term by choice: none, or those of one width, with load or not."""
     choices: list[tuple[int, ...]] = [()]
     own = [(i, column) for i, column in enumerate(FRICTION_COLUMNS, 1) if column.term is term]
@@ -217,15 +211,15 @@ class JointExcitation:
         """Return the friction parameters of a joint that the recordings cannot separate."""
         G = self.moments[joint]
         if self.travel[joint] < 1.0 or G[_ONE, _ONE] == 0.0:
-            return VISCOUS_FRICTION, DRY_FRICTION
+            return friction_terms.VISCOUS_FRICTION, friction_terms.DRY_FRICTION
         kept = [_V, _SIGN, _ONE]
         if self.shares[joint].min() < LEAST_REVERSED:
             kept.remove(_ONE)
         if not _is_separable(G, kept):
             kept = [_V, _SIGN] if _is_separable(G, [_V, _SIGN]) else [
                 column for column in kept if column != _V]
-        return tuple(
-            name for name, column in ((VISCOUS_FRICTION, _V), (OFFSET_EFFORT, _ONE))
+        return tuple(name for name, column in (
+            (friction_terms.VISCOUS_FRICTION, _V), (friction_terms.OFFSET_EFFORT, _ONE))
             if column not in kept)
 
     def reason(self, joint: int) -> str:

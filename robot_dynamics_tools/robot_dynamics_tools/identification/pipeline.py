@@ -16,15 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model import regressor
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.base_parameters import BaseParameters, find_base_parameters
-from robot_dynamics.model.regressor import (
-    inertial_parameters,
-    parameter_names,
-    random_states,
-    TorqueRegressor,
-)
 from robot_dynamics_tools.analysis.motion_filter import FilteredMotion
 from robot_dynamics_tools.identification import model_selection, recording_agreement, steps
 from robot_dynamics_tools.identification.drive_gains import (
@@ -103,8 +98,8 @@ def prior_of(arm: ArmModel) -> Prior:
     bare = arm.with_payloads(())
     body = RigidBody(bare)
     inertia = np.mean([
-        np.diag(body.mass_matrix(q)) for q in random_states(bare, _STATES)[0]], axis=0)
-    return make_prior(inertial_parameters(bare), inertia, arm.limits.velocity)
+        np.diag(body.mass_matrix(q)) for q in regressor.random_states(bare, _STATES)[0]], axis=0)
+    return make_prior(regressor.inertial_parameters(bare), inertia, arm.limits.velocity)
 
 
 def base_parameters_of(arm: ArmModel, gravities: Sequence[Sequence[float]] = ()) -> BaseParameters:
@@ -113,12 +108,12 @@ def base_parameters_of(arm: ArmModel, gravities: Sequence[Sequence[float]] = ())
 
     `gravities` (3,) [m/s²] are several vectors of gravity, empty for that of the arm.
     """
-    q, v, a = random_states(arm, _STATES)
+    q, v, a = regressor.random_states(arm, _STATES)
     rotors = a[:, :, np.newaxis] * np.eye(arm.joint_count)
     X = np.concatenate([
-        np.concatenate([TorqueRegressor(each)(q, v, a), rotors], axis=2)
+        np.concatenate([regressor.TorqueRegressor(each)(q, v, a), rotors], axis=2)
         for each in [arm.with_gravity(gravity) for gravity in gravities] or [arm]])
-    names = (*parameter_names(arm), *(f'Ia({joint})' for joint in arm.joint_names))
+    names = (*regressor.parameter_names(arm), *(f'Ia({joint})' for joint in arm.joint_names))
     return find_base_parameters(X.reshape(-1, X.shape[2]), names)
 
 
@@ -129,7 +124,7 @@ def fit_model(
     """Return the models that are fitted to the information of all recordings."""
     return model_selection.fit_models(
         information.together(), *model_selection.choose_model(information, prior_of(arm), first),
-        inertial_parameters(arm.with_payloads(())))
+        regressor.inertial_parameters(arm.with_payloads(())))
 
 
 def identify(

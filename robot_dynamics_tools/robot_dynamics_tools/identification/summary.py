@@ -14,13 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction
 from robot_dynamics.joints.parameter_field import ParameterField
-from robot_dynamics_tools.identification import friction_regressor
+from robot_dynamics_tools.identification import drive_gains, friction_regressor
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
-from robot_dynamics_tools.identification.drive_gains import (
-    GainEstimate,
-    MASS_ERROR,
-    other_unit,
-)
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
 from robot_dynamics_tools.identification.pipeline import Identification, Observability
@@ -136,7 +131,7 @@ def _friction_cell(field: ParameterField, friction: JointFriction, joint: int) -
     return f'{value:.4g}' if field.unit else percent(value)
 
 
-def gain_rows(identification: Identification, gains: GainEstimate) -> Rows:
+def gain_rows(identification: Identification, gains: drive_gains.GainEstimate) -> Rows:
     """Return the drive gains."""
     def note(j: int) -> str:
         if not gains.is_known[j]:
@@ -272,9 +267,9 @@ def _of_effort(identification: Identification) -> Iterator[str]:
             names, gains.is_confounded & gains.is_known) if is_confounded]
         if confounded:
             yield (f'drive gains of {", ".join(confounded)} are confounded with the masses of the '
-                   f'URDF, of which an error of {100.0 * MASS_ERROR:g} % is assumed: to determine '
-                   'them, record the arm with and without a weighed load, and give the load with '
-                   '--payload RECORDING:LINK=KG,X,Y,Z')
+                   f'URDF, of which an error of {100.0 * drive_gains.MASS_ERROR:g} % is assumed: '
+                   'to determine them, record the arm with and without a weighed load, and give '
+                   'the load with --payload RECORDING:LINK=KG,X,Y,Z')
         unknown = [name for name, known in zip(names, gains.is_known) if not known]
         if unknown:
             yield (f'drive gain not identifiable for {", ".join(unknown)}: gravity load too small '
@@ -282,7 +277,7 @@ def _of_effort(identification: Identification) -> Iterator[str]:
                    'stays in the unit of the recording')
         return
     if identification.seeming_gains.is_off.any():
-        yield other_unit(names, identification.seeming_gains)
+        yield drive_gains.other_unit(names, identification.seeming_gains)
 
 
 def contradiction_lines(found: BagIdentification) -> list[str]:

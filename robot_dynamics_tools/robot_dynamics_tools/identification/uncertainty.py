@@ -17,12 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.arrays import column_scale, FloatArray
 from robot_dynamics.model.base_parameters import BaseParameters
-from robot_dynamics_tools.estimation.effort_fit import (
-    decomposed,
-    fit_effort,
-    Rows,
-    stacked,
-)
+from robot_dynamics_tools.estimation import effort_fit
 from robot_dynamics_tools.identification.friction_regressor import COLUMN_NAMES, INERTIA
 from robot_dynamics_tools.identification.qr_information import QrInformation
 from robot_dynamics_tools.identification.regularized_fit import Prior, Problem
@@ -78,21 +73,21 @@ def estimate_parameters(
     blocks, names = _columns(information, base, problem)
     effort, W = np.eye(len(blocks[0]))[-1], np.zeros((0, len(names)))
 
-    def groups(factors: FloatArray) -> list[Rows]:
-        return [Rows(factors[j], counts[j], effort, blocks[j]) for j in joints]
+    def groups(factors: FloatArray) -> list[effort_fit.Rows]:
+        return [effort_fit.Rows(factors[j], counts[j], effort, blocks[j]) for j in joints]
 
-    fit = fit_effort(groups(information.together()), np.zeros(len(names)),
+    fit = effort_fit.fit_effort(groups(information.together()), np.zeros(len(names)),
                      np.ones(len(joints)), lambda _: W)
     x, is_lost = fit.values, fit.solution.is_lost
     noise = np.linalg.norm(fit.solution.back, axis=1)
-    parts = [stacked(groups(information.all_but(i)), x, fit.variances, W, x)
+    parts = [effort_fit.stacked(groups(information.all_but(i)), x, fit.variances, W, x)
              for i in information.folds]
-    changes = np.array([decomposed(A).inverse @ b for A, b, _ in parts])
+    changes = np.array([effort_fit.decomposed(A).inverse @ b for A, b, _ in parts])
     jackknife = np.sqrt((changes**2).sum(axis=0) * (1.0 - 1.0 / len(parts)))
     known = ~is_lost & (noise > 0.0)
     widening = max(float(np.median(jackknife[known] / noise[known])), 1.0) if known.any() else 1.0
     deviations = np.where(is_lost, np.inf, np.maximum(widening * noise, jackknife))
-    A, _, _ = stacked(groups(information.together()), x, fit.variances, W, x)
+    A, _, _ = effort_fit.stacked(groups(information.together()), x, fit.variances, W, x)
     s_base = np.linalg.svd(A[:, :r] * column_scale(A[:, :r]), compute_uv=False)
     size = _scale_of(base, prior, n)
     before = np.concatenate([
