@@ -40,6 +40,8 @@ LARGEST_REGULARIZATION = 1.0
 POSES = 200
 COVERAGE = 0.9545
 """Share of the recorded samples within 2 σ: that of a normal distribution."""
+SHARP_PART = 0.4
+"""Weight of the effort before the filter in the friction at rest: peaks that the filter removes."""
 THIRDS = 1.0 / 3.0, 2.0 / 3.0
 """Shares of the recorded samples that are slow, and that are not fast."""
 GRAVITIES = ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (0.0, 9.81, 0.0), (0.0, 0.0, 9.81))
@@ -89,24 +91,24 @@ def recorded_deviations(identification: Identification) -> dict[str, FloatArray]
         return np.maximum([np.quantile(own[rows], COVERAGE)
                            for own, rows in zip(values.T, is_part.T)], 0.0)
 
-    def variances(name: str) -> tuple[FloatArray, FloatArray]:
-        variance = np.concatenate([
-            0.25 * (getattr(each, name) - each.single)**2 - of_model
-            for each, of_model in zip(shown, known)])
-        noise = covered(variance, speed >= fast)
-        return noise, covered((variance - noise) / left**2, speed <= slow)
-
-    (noise, friction), (raw_noise, raw_friction) = variances('measured'), variances('recorded')
+    behind, before = (np.concatenate([
+        0.25 * (getattr(each, name) - each.single)**2 - of_model
+        for each, of_model in zip(shown, known)]) for name in ('measured', 'recorded'))
+    noise = covered(behind, speed >= fast)
+    friction, sharp = (
+        covered((variance - covered(variance, speed >= fast)) / left**2, speed <= slow)
+        for variance in (behind, before))
+    friction = (1.0 - SHARP_PART) * friction + SHARP_PART * sharp
+    wide = covered(before - friction * left**2, speed >= 0.0)
     facts = [recording.facts for recording in identification.recordings]
     band = min(noise_bandwidth(each.cutoff_hz, each.rate_hz) for each in facts)
-    is_known = raw_noise > 0.0
-    white = 0.5 * facts[0].rate_hz * float(np.median(noise[is_known] / raw_noise[is_known])) if (
-        is_known.any()) else band
+    ratio = np.divide(noise, wide, out=np.ones_like(noise), where=wide > 0.0)
     return {
         'noise_deviation': np.sqrt(noise),
-        'noise_bandwidth': np.asarray(np.clip(white, band, 0.5 * facts[0].rate_hz)),
-        'friction_deviation': np.sqrt(np.maximum(friction, raw_friction)),
-        'friction_velocity': fast, 'largest_velocity': speed.max(axis=0)}
+        'noise_bandwidth': np.maximum(
+            0.5 * facts[0].rate_hz * min(float(np.median(ratio)), 1.0), band),
+        'friction_deviation': np.sqrt(friction), 'friction_velocity': fast,
+        'largest_velocity': speed.max(axis=0)}
 
 
 def _model_deviation(identification: Identification) -> EffortDeviation:
