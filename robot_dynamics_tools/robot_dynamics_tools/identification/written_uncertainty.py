@@ -40,7 +40,7 @@ LARGEST_REGULARIZATION = 1.0
 POSES = 200
 COVERAGE = 0.9545
 """Share of the recorded samples within 2 σ: that of a normal distribution."""
-SHARP_PART = 0.4
+SHARP_PART = 0.6
 """Weight of the effort before the filter in the friction at rest, which has sharper peaks."""
 THIRDS = 1.0 / 3.0, 2.0 / 3.0
 """Shares of the recorded samples that are slow, and that are not fast."""
