@@ -115,8 +115,9 @@ UNCERTAINTY_SPECS = (
         'that passes uncertainty.noise_bandwidth'), (
         '. If empty, 0.'), read_only=True),
     number('uncertainty.noise_bandwidth', 0.0, 0.0, 1e6, (
-        'Equivalent noise bandwidth [Hz] of the filter to which uncertainty.noise_deviation '
-        'refers. It must be above 0 if uncertainty.noise_deviation is set.'), read_only=True),
+        'Bandwidth [Hz] to which uncertainty.noise_deviation refers. In a wider band, the noise '
+        'counts as white. It must be above 0 if uncertainty.noise_deviation is set.'),
+        read_only=True),
     numbers_per_joint('uncertainty.friction_deviation', 0.0, 1e9, (
         'Standard deviation [N·m] or [N] of friction about the model at rest, which decreases to '
         '0 at uncertainty.friction_velocity'), (

@@ -13,17 +13,11 @@ from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.effort_convention import MOTOR_SIDE
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics_tools.analysis import units
 from robot_dynamics_tools.analysis.position_drives import (
     commands,
     drive_effort,
     STIFFNESS,
-)
-from robot_dynamics_tools.analysis.units import (
-    check_degrees,
-    check_sign_bits,
-    IMPLAUSIBLE,
-    in_radians,
-    reach,
 )
 from robot_dynamics_tools.recordings.bag_files import is_table
 from robot_dynamics_tools.recordings.joint_series import JointSeries
@@ -124,11 +118,11 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
         series = states.series(joints)
         remarks = [*recording.notes, *series.faults.words()]
         arm = arm_from_parameters(urdf, settings.parameters, joints)
-        series, converted = in_radians(series, arm, settings.unit, is_table(path))
+        series, converted = units.in_radians(series, arm, settings.unit, is_table(path))
         remarks += converted
         series = series.unwrapped(arm.is_continuous)
         if settings.command_topic is not None:
-            sent, _ = in_radians(
+            sent, _ = units.in_radians(
                 commands(recording, settings.command_topic, joints, names), arm, settings.unit,
                 is_table(path))
             series, delay = drive_effort(
@@ -138,8 +132,8 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
                            f'{settings.command_topic}, which acts after {1e3 * delay:.0f} ms')
     series, wild = plausible(series, arm, settings.effort_is_current or (
         settings.parameters.get('measured_effort') in MOTOR_SIDE))
-    check_degrees(series)
-    check_sign_bits(series)
+    units.check_degrees(series)
+    units.check_sign_bits(series)
     received, series = len(series.stamps_ns), series.driven()
     held = received - len(series.stamps_ns)
     locked = [name for name in whole.joint_names if name not in joints]
@@ -154,7 +148,8 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
                        'were probably engaged')
     if wild:
         remarks.append(f'left out: {counted(wild, "sample")} beyond the limits of the arm (' + (
-            ', '.join(f'{name} {factor:g} times' for name, factor in IMPLAUSIBLE.items())) + ')')
+            ', '.join(f'{name} {factor:g} times'
+                      for name, factor in units.IMPLAUSIBLE.items())) + ')')
     return ReadRecording(path, topic, arm, series, tuple(remarks))
 
 
@@ -183,12 +178,12 @@ def plausible(series: JointSeries, arm: ArmModel, is_motor_side: bool) -> tuple[
     """
     good = np.ones(len(series.stamps_ns), dtype=np.bool_)
     for name, values, limit in (
-            ('position', series.position, reach(arm)),
+            ('position', series.position, units.reach(arm)),
             ('velocity', series.velocity, arm.limits.velocity),
             ('effort', None if is_motor_side else series.effort, arm.given_report.limit)):
         if values is None:
             continue
-        is_good = np.abs(values) <= np.where(limit > 0.0, IMPLAUSIBLE[name] * limit, np.inf)
+        is_good = np.abs(values) <= np.where(limit > 0.0, units.IMPLAUSIBLE[name] * limit, np.inf)
         share = 1.0 - is_good.mean(axis=0)
         if share.max() > MOST_IMPLAUSIBLE:
             listed = ', '.join(
@@ -197,7 +192,7 @@ def plausible(series: JointSeries, arm: ArmModel, is_motor_side: bool) -> tuple[
                     arm.joint_names, share, np.abs(values).max(axis=0), limit)
                 if part > MOST_IMPLAUSIBLE)
             raise RecordingError(
-                f'{name} beyond {IMPLAUSIBLE[name]:g} times the limit at {listed}. '
+                f'{name} beyond {units.IMPLAUSIBLE[name]:g} times the limit at {listed}. '
                 f'Likely cause: {_CAUSES[name]}')
         good &= is_good.all(axis=1)
     return (series, 0) if good.all() else (series.at(np.flatnonzero(good)), int((~good).sum()))

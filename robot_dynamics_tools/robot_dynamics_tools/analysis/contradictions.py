@@ -33,6 +33,7 @@ from robot_dynamics_tools.analysis.motion_filter import (
     FilteredMotion,
     samples_per_independent_sample,
 )
+from robot_dynamics_tools.estimation.priors import body_prior
 
 LEAST_GAIN, LEAST_GAIN_AT_REST = 0.3, 0.03
 """
@@ -230,17 +231,16 @@ def delay_text(delay: float) -> str:
 
 def without_delay(motion: FilteredMotion, delay: float) -> FilteredMotion:
     """Return a motion with the effort `delay` [s] later; its last samples have none, and end."""
-    t = motion.times
-    kept, effort = np.zeros(len(t), dtype=np.bool_), np.zeros_like(motion.measured_effort)
-    for number in np.unique(motion.segment):
-        rows = np.flatnonzero(motion.segment == number)
-        at = t[rows] + delay
-        kept[rows] = (at >= t[rows[0]]) & (at <= t[rows[-1]])
-        for j, column in enumerate(motion.measured_effort.T):
-            effort[rows, j] = np.interp(at, t[rows], column[rows])
-    arrays = {field.name: getattr(motion, field.name)[kept] for field in fields(motion)
-              if isinstance(getattr(motion, field.name), np.ndarray)}
-    return replace(motion, **{**arrays, 'effort': effort[kept]})
+    t, number = motion.times, motion.segment
+    first, last = (t[np.searchsorted(number, number, side) - (side == 'right')]
+                   for side in ('left', 'right'))
+    at = t + delay
+    kept = (at >= first) & (at <= last)
+    late = motion.with_efforts(lambda effort: np.stack([
+        np.interp(at, t, column) for column in effort.T], axis=1))
+    return replace(late, **{
+        field.name: getattr(late, field.name)[kept] for field in fields(late)
+        if isinstance(getattr(late, field.name), np.ndarray)})
 
 
 class _Test:
@@ -281,24 +281,15 @@ class _Test:
         self._own, self._p = own.shape[2], Y.shape[2]
         self.gravity, self._others = self._p, Z.shape[2] - self._own - n
         self.effort = self._others - len(DELAYS)
-        roots = pseudo_inertia.regularizing_roots(inertial_parameters(arm))
-        self.prior = np.concatenate(
-            [pseudo_inertia.parameters_of(root @ root.T) for root in roots])
-        self._regularization = np.zeros((self._p, self._p))
-        for i, root in enumerate(roots):
-            W = pseudo_inertia.relative_rows(root)
-            part = slice(len(W) * i, len(W) * (i + 1))
-            self._regularization[part, part] = W.T @ W * (
-                _ANY_LOAD if i == len(roots) - 1 else _REGULARIZATION)
-        power = self._products.diagonal(axis1=1, axis2=2)[:, self._own:][
-            :, self.effort:self._others]
-        self.measured = np.flatnonzero(power.min(axis=1) > 0.0).tolist()
-        described = np.einsum(
-            'a,jab,b->j', self.prior, self._products[:, own.shape[2]:, own.shape[2]:][
-                :, :self._p, :self._p], self.prior)
-        strongest = int(np.argmax(described))
-        self._ratio = float(np.sqrt(
-            power[strongest].max() / max(float(described[strongest]), 1e-300)))
+        prior = body_prior(inertial_parameters(arm))
+        weights = np.full(self._p, _REGULARIZATION)
+        weights[-pseudo_inertia.COUNT:] = _ANY_LOAD
+        self.prior = prior.parameters
+        self._regularization = prior.rows.T * weights @ prior.rows
+        sizes = np.sqrt(np.mean(np.stack([motion.measured_effort, effort])[:, rows]**2, axis=1))
+        self.measured = np.flatnonzero(sizes[0]).tolist()
+        strongest = int(np.argmax(sizes[1]))
+        self._ratio = float(sizes[0, strongest] / max(sizes[1, strongest], 1e-150))
         self._count = min(count, len(rows))
         self.freedom = self._count * len(self.measured)
         self._reduced: dict[tuple[int, bool, bool], tuple[FloatArray, FloatArray]] = {}

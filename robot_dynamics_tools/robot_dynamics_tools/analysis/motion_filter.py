@@ -11,7 +11,8 @@ parameters of robots", J. Robotic Systems 8(4), 1991; J. Swevers, W. Verdonck, J
 "Dynamic model identification for industrial robots", IEEE Control Systems Magazine 27(5), 2007.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray, NANOSECONDS_PER_SECOND
@@ -19,7 +20,7 @@ from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools.analysis.cutoff import choose_cutoff, Cutoff, HIGHEST_FRACTION
-from robot_dynamics_tools.analysis.velocity_check import contradicts_position
+from robot_dynamics_tools.analysis.units import contradicts_position
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 
 FILTER_ORDER = 4
@@ -62,6 +63,8 @@ class FilteredMotion:
     """Joints whose recorded velocity is inconsistent with their position, and was not used."""
     effort_noise: tuple[float, ...] = ()
     """Deviation of the noise of `effort` by its RMS, if the noise is white; empty without one."""
+    recorded_effort: FloatArray | None = None
+    """The effort (m, n) before the filter, None if none was recorded."""
 
     @property
     def times(self) -> FloatArray:
@@ -74,6 +77,11 @@ class FilteredMotion:
         if self.effort is None:
             raise RecordingError('the recording has no effort, expected the measured effort')
         return self.effort
+
+    def with_efforts(self, change: Callable[[FloatArray], FloatArray]) -> 'FilteredMotion':
+        """Return the motion with a change of its effort, before and behind the filter."""
+        return replace(self, effort=change(self.measured_effort), recorded_effort=None if (
+            self.recorded_effort is None) else change(self.recorded_effort))
 
 
 def filter_motion(series: JointSeries, cutoff_hz: float | None = None) -> FilteredMotion:
@@ -151,7 +159,8 @@ def _join(
         usable=usable, left_out=len(series.stamps_ns) - len(rows), differentiated=tuple(
             name for name, is_bad in zip(series.joint_names, bad) if is_bad),
         effort_noise=() if series.effort is None else _noise(
-            series.effort[rows], signals['effort'], cutoff.hz, rate))
+            series.effort[rows], signals['effort'], cutoff.hz, rate),
+        recorded_effort=None if series.effort is None else series.effort[rows])
 
 
 def _noise(

@@ -11,7 +11,8 @@ least-squares fit explains at least half of the mean square of r; of several, th
 most is named.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +21,10 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.tools.command_line import write_file
-from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis, LimitUse
-from robot_dynamics_tools.analysis.residual import ResidualStatistics
-from robot_dynamics_tools.reporting.figures import (
-    comparison_panels,
-    effort_panel,
-    Panel,
-    scatter_figure,
-)
+from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis, LimitUse, ResidualStatistics
+from robot_dynamics_tools.reporting import figures
 from robot_dynamics_tools.reporting.interactive import add_figure, add_time_figures
-from robot_dynamics_tools.reporting.text_table import percent, Rows
+from robot_dynamics_tools.reporting.text_table import cells, column_rows, percent, Rows
 
 
 def facts(analysis: BagAnalysis) -> Rows:
@@ -52,36 +47,30 @@ def facts(analysis: BagAnalysis) -> Rows:
 
 def residual_rows(statistics: ResidualStatistics, joint_kinds: Sequence[str]) -> Rows:
     """Return the residual of each joint, after a row of titles."""
-    rows: Rows = [(
-        'joint', 'RMS measured', 'RMS residual', 'relative', 'mean residual', 'largest residual',
-        'R²')]
-    for j, (name, kind, fraction) in enumerate(zip(
-            statistics.joint_names, joint_kinds, statistics.r_squared)):
-        unit = units_of(kind).effort
-        rows.append((
-            name, f'{statistics.rms_measured[j]:.3f} {unit}', f'{statistics.rms[j]:.3f} {unit}',
-            percent(statistics.relative[j]), f'{statistics.mean[j]:+.3f} {unit}',
-            f'{statistics.largest[j]:.3f} {unit}',
-            '-' if np.isnan(fraction) else f'{fraction:.3f}'))
-    return rows
+    units = [units_of(kind).effort for kind in joint_kinds]
+    return column_rows(
+        'joint', statistics.joint_names,
+        ('RMS measured', cells(statistics.rms_measured, '.3f', units)),
+        ('RMS residual', cells(statistics.rms, '.3f', units)),
+        ('relative', map(percent, statistics.relative)),
+        ('mean residual', cells(statistics.mean, '+.3f', units)),
+        ('largest residual', cells(statistics.largest, '.3f', units)),
+        ('R²', cells(statistics.r_squared, '.3f')))
 
 
 def limit_use_rows(
     use: LimitUse, joint_names: Sequence[str], joint_kinds: Sequence[str], whose: str,
 ) -> Rows:
     """Return rows of the use of limits; `whose` names the effort: measured or model."""
-    rows: Rows = [(
-        'joint', f'largest {whose} effort', 'largest velocity', 'margin to position limit')]
-    for j, (name, kind) in enumerate(zip(joint_names, joint_kinds)):
-        distance = use.position[j]
-        rows.append((
-            name, _of_limit(use.effort[j]), _of_limit(use.velocity[j]),
-            'no limit' if np.isnan(distance) else f'{distance:.3f} {units_of(kind).position}'))
-    return rows
+    def of_limit(values: Iterable[float], form: str, units: Iterable[str]) -> list[str]:
+        return ['no limit' if cell == '-' else cell for cell in cells(values, form, units)]
 
-
-def _of_limit(ratio: float) -> str:
-    return 'no limit' if np.isnan(ratio) else f'{100.0 * ratio:.0f} % of limit'
+    return column_rows(
+        'joint', joint_names,
+        (f'largest {whose} effort', of_limit(100.0 * use.effort, '.0f', repeat('% of limit'))),
+        ('largest velocity', of_limit(100.0 * use.velocity, '.0f', repeat('% of limit'))),
+        ('margin to position limit', of_limit(
+            use.position, '.3f', [units_of(kind).position for kind in joint_kinds])))
 
 
 GOOD, POOR = 0.1, 0.5
@@ -172,16 +161,16 @@ def _explained(residual: FloatArray, columns: FloatArray) -> tuple[float, FloatA
     return 1.0 - float(rest @ rest / (residual @ residual)), np.asarray(fit, dtype=np.float64)
 
 
-def effort_panels(analysis: BagAnalysis) -> list[Panel]:
+def effort_panels(analysis: BagAnalysis) -> list[figures.Panel]:
     """Return the panels of measured and modelled effort, and of the modelled effort by term."""
     times, terms = analysis.motion.times, analysis.terms
-    panels: list[Panel] = []
+    panels: list[figures.Panel] = []
     if analysis.measured is not None:
-        panels += comparison_panels(times, *(
+        panels += figures.comparison_panels(times, *(
             _with_gaps(analysis, values) for values in (analysis.measured, terms.effort)))
     by_term = {name: values for name, values in terms.by_name.items()
                if name != 'friction' or np.any(values)}
-    panels.append(effort_panel('Model by term', times, {
+    panels.append(figures.effort_panel('Model by term', times, {
         name: _with_gaps(analysis, values)
         for name, values in {**by_term, 'effort': terms.effort}.items()}))
     return panels
@@ -192,7 +181,7 @@ def friction_figure(analysis: BagAnalysis) -> Any | None:
     if analysis.residual is None:
         return None
     arm, counts = analysis.arm, analysis.motion.usable
-    return scatter_figure(
+    return figures.scatter_figure(
         'Residual over velocity: effects of velocity only appear as a line or a step', arm,
         analysis.motion.velocity[counts], analysis.residual[counts])
 

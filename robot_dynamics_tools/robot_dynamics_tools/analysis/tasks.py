@@ -15,11 +15,9 @@ from pathlib import Path
 import numpy as np
 from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics.tools import command_line
-from robot_dynamics_tools.analysis import sample_files
+from robot_dynamics_tools.analysis import bag_analysis, sample_files
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
-from robot_dynamics_tools.analysis.bag_analysis import analyze_recording, LimitUse
 from robot_dynamics_tools.analysis.report import facts, write_report
-from robot_dynamics_tools.analysis.residual import ResidualStatistics
 
 REPORT, PICTURE, TABLE, PARQUET, TERMS = (
     'report.html', 'report.png', 'samples.csv', 'samples.parquet', 'terms')
@@ -58,8 +56,8 @@ class AnalysisResult:
     joint_names: tuple[str, ...]
     joint_kinds: tuple[str, ...]
     counted: int
-    limit_use: LimitUse
-    statistics: ResidualStatistics | None
+    limit_use: bag_analysis.LimitUse
+    statistics: bag_analysis.ResidualStatistics | None
 
 
 def analyze_task(
@@ -71,7 +69,7 @@ def analyze_task(
     `on_step` is called with the STEPS of `bag_analysis` and of each output when it is done.
     Raises the errors of `analyze_recording`, and ToolError.
     """
-    analysis = analyze_recording(bag, task.settings, on_step)
+    analysis = bag_analysis.analyze_recording(bag, task.settings, on_step)
     directory = Path(task.directory)
     written: list[str] = []
     for name in task.outputs:
@@ -98,9 +96,9 @@ def outputs_exist(bag: Path, result: AnalysisResult) -> bool:
     return all(Path(path).exists() for path in result.written)
 
 
-def merged_limit_use(parts: Sequence[LimitUse]) -> LimitUse:
+def merged_limit_use(parts: Sequence[bag_analysis.LimitUse]) -> bag_analysis.LimitUse:
     """Return the use of the limits in several recordings of the same joints together."""
-    return LimitUse(
+    return bag_analysis.LimitUse(
         np.max([part.effort for part in parts], axis=0),
         np.max([part.velocity for part in parts], axis=0),
         np.min([part.position for part in parts], axis=0))

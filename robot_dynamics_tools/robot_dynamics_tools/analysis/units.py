@@ -1,15 +1,22 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Units and signs of recorded joint states: degrees, calibrated ranges, bits for signs."""
+"""
+Units and signs of recorded joint states: degrees, calibrated ranges, bits for signs.
 
+A recorded velocity must be the derivative of the recorded position. Some drivers publish zeros,
+other units, or a velocity with a large delay. The velocity, integrated over windows of a few
+seconds in which noise is negligible, must agree with the change of position.
+"""
+
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+import numpy.typing as npt
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics_tools.analysis.velocity_check import contradicts_position
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 
 IMPLAUSIBLE = {'position': 2.0, 'velocity': 10.0, 'effort': 10.0}
@@ -21,6 +28,11 @@ SIGN_STEP = 0.3
 """Smallest step of an effort that may be that of a sign bit, relative to its range."""
 SIGN_LEFT = 0.1
 """Largest part of such a step that is left without the bit."""
+WINDOW = 4.0
+"""[s]"""
+LARGEST_ERROR = 0.2
+"""Largest RMS of the difference within windows, relative to that of the motion there."""
+_LEAST_MOVE = 1e-3
 
 
 def reach(arm: ArmModel) -> FloatArray:
@@ -104,3 +116,28 @@ def _sign_bit(effort: FloatArray) -> float:
     # a square wave has steps too, but not with a motion between them that ends at 0
     is_signed = left < SIGN_LEFT * bit and np.quantile(below, 0.9) > left / SIGN_LEFT * 0.5
     return bit if is_signed else 0.0
+
+
+def contradicts_position(
+    times: FloatArray, position: FloatArray, velocity: FloatArray,
+    stretches: Sequence[npt.NDArray[np.integer]],
+) -> BoolArray:
+    """
+    Return the joints (n,) whose velocity is not the derivative of the position, both (m, n).
+
+    `times` is (m,) [s]; `stretches` are the rows of samples without gaps between them. A joint
+    that hardly moves, compared with the joint that moves most, is not checked.
+    """
+    error, moved = np.zeros(position.shape[1]), np.zeros(position.shape[1])
+    for rows in stretches:
+        t, q, v = times[rows], position[rows], velocity[rows]
+        steps = 0.5 * (v[1:] + v[:-1]) * np.diff(t)[:, np.newaxis]
+        integral = np.concatenate([np.zeros((1, q.shape[1])), np.cumsum(steps, axis=0)])
+        count = max(int((t[-1] - t[0]) / WINDOW), 1)
+        edges = np.searchsorted(t, np.linspace(t[0], t[-1], count + 1)[1:-1])
+        for q_window, x in zip(np.split(q, edges), np.split(integral, edges)):
+            own = q_window - q_window.mean(axis=0)
+            moved += np.sum(own**2, axis=0)
+            error += np.sum((own - (x - x.mean(axis=0)))**2, axis=0)
+    is_judged = moved > _LEAST_MOVE**2 * max(float(moved.max()), 1e-300)
+    return np.asarray(is_judged & (error > LARGEST_ERROR**2 * moved))

@@ -23,10 +23,9 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
 from robot_dynamics_tools.analysis import tasks
-from robot_dynamics_tools.analysis.bag_analysis import STEPS
+from robot_dynamics_tools.analysis.bag_analysis import merged_statistics, STEPS
 from robot_dynamics_tools.analysis.batch import run_tasks, TaskOutcome
 from robot_dynamics_tools.analysis.report import limit_use_rows, residual_rows
-from robot_dynamics_tools.analysis.residual import merged_statistics
 from robot_dynamics_tools.recordings.bag_files import find_recordings, relative_names
 from robot_dynamics_tools.recordings.topics import ROBOT_DESCRIPTION
 from robot_dynamics_tools.reporting.progress import Progress

@@ -28,7 +28,7 @@ from robot_dynamics.validation import check_scalar, LARGEST_VALUE
 from robot_dynamics_tools import options
 from robot_dynamics_tools.gravity_calibration import recorded_holds, report
 from robot_dynamics_tools.gravity_calibration.calibrated_file import calibrated_file, header
-from robot_dynamics_tools.gravity_calibration.tool_estimate import Tool
+from robot_dynamics_tools.gravity_calibration.scale_fit import Tool
 from robot_dynamics_tools.gravity_motion.plan import MotionSettings
 from robot_dynamics_tools.gravity_motion.poses import PoseChoice
 from robot_dynamics_tools.recordings.bag_files import find_recordings

@@ -16,13 +16,13 @@ import json
 
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
+from robot_dynamics_tools.estimation.priors import GIVEN_DEVIATION, SCALE_DEVIATION
 from robot_dynamics_tools.payload_estimation import summary
 from robot_dynamics_tools.payload_estimation.recordings import estimate_from_bags, RecordedPayload
 from robot_dynamics_tools.recordings.bag_files import find_recordings
 from robot_dynamics_tools.recordings.sample_faults import counted
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.reporting.text_table import text_table
-from robot_dynamics_tools.unknown_drives import GIVEN_DEVIATION, SCALE_DEVIATION
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -13,8 +13,7 @@ import json
 
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
-from robot_dynamics_tools.analysis.contact_learning import EXPECTED
-from robot_dynamics_tools.analysis.contact_recording import levels_from_bags, parameter_text
+from robot_dynamics_tools.analysis import contact_learning
 from robot_dynamics_tools.recordings.bag_files import find_recordings
 from robot_dynamics_tools.reporting.text_table import text_table
 
@@ -38,7 +37,7 @@ def _run(arguments: argparse.Namespace) -> int:
     rate, output = arguments.alarms_per_hour, arguments.output
     if output is not None:
         command_line.prepare_file(output, arguments.force)
-    found, joints = levels_from_bags(
+    found, joints = contact_learning.levels_from_bags(
         find_recordings(arguments.bags), options.read_settings(arguments), rate)
     columns = found.levels.effort, found.levels.per_velocity, found.exceeded
     data = {
@@ -51,13 +50,14 @@ def _run(arguments: argparse.Namespace) -> int:
         text_table(['joint', 'at rest', 'per velocity', 'by the largest recorded'], [
             [name, *(f'{value:.4g}' for value in values)]
             for name, *values in zip(joints, *columns)], left_columns=1)]
-    kept = 3600.0 * EXPECTED / found.duration
+    kept = 3600.0 * contact_learning.EXPECTED / found.duration
     if rate < kept:
         lines.append(
             f'The recording shows at least {kept:.3g} per hour. {rate:g} per hour is an upper '
-            f'bound, with slightly higher levels: record {EXPECTED / rate:.2g} h to show it')
+            'bound, with slightly higher levels: record '
+            f'{contact_learning.EXPECTED / rate:.2g} h to show it')
     if output is not None:
-        command_line.write_file(output, parameter_text(found, joints, rate))
+        command_line.write_file(output, contact_learning.parameter_text(found, joints, rate))
         data['output'] = str(output)
         lines.append(f'Written: {output}, a parameter file of dynamics_node')
     print(json.dumps(data, indent=2) if arguments.json else '\n'.join(lines))

@@ -15,8 +15,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.monitoring.state_plausibility import SAME_CLOCK
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics_tools.analysis.arm_recording import plausible
-from robot_dynamics_tools.analysis.units import check_degrees
-from robot_dynamics_tools.analysis.velocity_check import contradicts_position
+from robot_dynamics_tools.analysis.units import check_degrees, contradicts_position
 from robot_dynamics_tools.connect.checks import BAD, Checklist, GOOD, UNKNOWN
 from robot_dynamics_tools.gravity_calibration.holds import BLOCK, per_joint, REST_SPEED
 from robot_dynamics_tools.recordings.joint_series import JointSeries, RecordedJointStates

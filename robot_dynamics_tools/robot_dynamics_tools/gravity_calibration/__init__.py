@@ -14,7 +14,7 @@ from robot_dynamics_tools.gravity_calibration.recorded_holds import (
     calibrate_recordings,
     RecordedCalibration,
 )
-from robot_dynamics_tools.gravity_calibration.tool_estimate import Tool, ToolEstimate
+from robot_dynamics_tools.gravity_calibration.scale_fit import Tool, ToolEstimate
 
 __all__ = [
     'calibrate_holds',

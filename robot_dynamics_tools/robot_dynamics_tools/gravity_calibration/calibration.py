@@ -23,11 +23,10 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.worst_gravity import sample_positions
-from robot_dynamics_tools.estimated_weights import NORMAL
-from robot_dynamics_tools.gravity_calibration import scale_fit, tool_estimate
-from robot_dynamics_tools.gravity_calibration.gravity_model import gravity_regressor, link_columns
+from robot_dynamics_tools.estimation.effort_fit import EffortFit, NORMAL, Spread
+from robot_dynamics_tools.estimation.priors import unknown_drives
+from robot_dynamics_tools.gravity_calibration import scale_fit
 from robot_dynamics_tools.gravity_calibration.holds import Hold, pair_holds, PairedHolds
-from robot_dynamics_tools.unknown_drives import unknown_drives
 
 LEAST_POSES = 4
 """Smallest number of poses that a joint must approach from both sides."""
@@ -79,7 +78,7 @@ class Calibration:
     arm: ArmModel
     reference: ScaleReference
     sets: tuple[HoldSet, ...]
-    tool: tool_estimate.ToolEstimate | None
+    tool: scale_fit.ToolEstimate | None
     scale: FloatArray
     offset: FloatArray
     scale_interval: FloatArray
@@ -102,7 +101,7 @@ class Calibration:
 
 def calibrate_holds(
     arm: ArmModel, without_weight: Sequence[Hold], with_weight: Sequence[Hold] = (),
-    weight: Payload | None = None, tool: tool_estimate.Tool | None = None,
+    weight: Payload | None = None, tool: scale_fit.Tool | None = None,
 ) -> Calibration:
     """
     Return the calibration from holds, those `with_weight` with a known weight on a link.
@@ -138,33 +137,33 @@ def calibrate_holds(
     seen = replace(seen, is_used=seen.is_used & has_enough)
     previous = arm.given_report
     fit, is_observable = _fit(seen, arm, 1.0 / previous.scale)
-    torque = seen.known + seen.columns @ fit.beta
+    torque = seen.torque(fit)
     scale, offset = _values(seen, torque, fit, is_observable, has_enough, previous)
     used = np.where(seen.is_used, 1.0, np.nan)
-    spread = fit.spread(np.eye(2 * n, len(fit.is_lost)))
+    spread = fit.spread(np.eye(2 * n, len(fit.values)))
     return Calibration(
         arm, reference, tuple(sets),
-        None if tool is None else tool_estimate.estimate_tool(
+        None if tool is None else scale_fit.estimate_tool(
             arm, tool, weight is not None, basis, fit),
         scale, offset,
         np.where(is_observable, spread.interval[:n] * scale**2, np.inf),
         np.where(has_enough, spread.interval[n:], np.inf),
         _covariance(arm, seen, fit, spread, scale, is_observable, has_enough), is_observable,
-        counts, fit.noise,
+        counts, np.sqrt(fit.variances),
         np.array([np.ptp(torque[rows, j]) if rows.any() else 0.0
                   for j, rows in enumerate(seen.is_used.T)]),
-        np.ptp(RigidBody(arm).gravity_batch(sample_positions(arm, 128)), axis=0), fit.condition,
-        np.concatenate([one.paired.times for one in sets]), used * seen.effort,
-        used * (torque / scale + offset))
+        np.ptp(RigidBody(arm).gravity_batch(sample_positions(arm, 128)), axis=0),
+        fit.solution.condition, np.concatenate([one.paired.times for one in sets]),
+        used * seen.effort, used * (torque / scale + offset))
 
 
 def _covariance(
-    arm: ArmModel, seen: scale_fit.Observations, fit: scale_fit.ScaleFit,
-    spread: scale_fit.Spread, scale: FloatArray, is_observable: BoolArray, has_enough: BoolArray,
+    arm: ArmModel, seen: scale_fit.Observations, fit: EffortFit, spread: Spread, scale: FloatArray,
+    is_observable: BoolArray, has_enough: BoolArray,
 ) -> FloatArray:
     """Return the covariance (2n, 2n) of s and o, from that of k = 1 / s and o."""
     n = len(scale)
-    is_known = np.concatenate([is_observable, has_enough & ~fit.is_lost[n:2 * n]])
+    is_known = np.concatenate([is_observable, has_enough & ~fit.solution.is_lost[n:2 * n]])
     ratio = np.divide(
         spread.interval, NORMAL * spread.deviation, out=np.zeros(2 * n), where=is_known)
     slope = ratio * np.concatenate([-scale**2, np.ones(n)])
@@ -176,12 +175,12 @@ def _covariance(
 
 
 def _observations(
-    arm: ArmModel, sets: Sequence[HoldSet], tool: tool_estimate.Tool | None,
+    arm: ArmModel, sets: Sequence[HoldSet], tool: scale_fit.Tool | None,
     reference: ScaleReference,
 ) -> tuple[scale_fit.Observations, FloatArray]:
     """Return the equations of all sets, and the gravity parameters (4 × bodies, k) of β."""
     Y = np.concatenate([
-        one.paired.mean(gravity_regressor(arm, one.paired.positions)) for one in sets])
+        one.paired.mean(scale_fit.gravity_regressor(arm, one.paired.positions)) for one in sets])
     effort = np.concatenate([one.paired.effort for one in sets])
     is_used = np.concatenate([one.paired.is_paired for one in sets])
     loads = np.concatenate([
@@ -195,7 +194,7 @@ def _observations(
         one.paired.mean(RigidBody(arm).gravity_batch(one.paired.positions)) for one in sets])
     basis = np.zeros((Y.shape[2], 0))
     if tool is not None and tool.mass is not None:
-        T = link_columns(arm, tool.link)
+        T = scale_fit.link_columns(arm, tool.link)
         known += Y @ (T[:, 0] * tool.mass)
         basis = T[:, 1:]
     return scale_fit.Observations(effort, known, Y @ basis, is_used), basis
@@ -205,7 +204,7 @@ def _weight_parameters(arm: ArmModel, weight: Payload | None) -> FloatArray:
     """Return the gravity parameters (4 × bodies,) of a weight."""
     if weight is None:
         return np.zeros(4 * (arm.pinocchio_model.njoints - 1))
-    columns = link_columns(arm, weight.link)
+    columns = scale_fit.link_columns(arm, weight.link)
     if not columns.any():
         raise InvalidInputError(
             f'the weight is on {weight.link!r}, which is fixed to the base, expected a link that '
@@ -215,31 +214,32 @@ def _weight_parameters(arm: ArmModel, weight: Payload | None) -> FloatArray:
 
 def _fit(
     seen: scale_fit.Observations, arm: ArmModel, assumed: FloatArray,
-) -> tuple[scale_fit.ScaleFit, BoolArray]:
+) -> tuple[EffortFit, BoolArray]:
     """Return the fit, and which joints have an observable scale; the others are `assumed`."""
     n = arm.joint_count
     fit = scale_fit.fit_scales(seen, np.full(n, np.nan))
-    deviation = fit.spread(np.eye(n, len(fit.is_lost))).deviation
-    is_observable = seen.is_used.any(axis=0) & (deviation < UNOBSERVABLE * np.abs(fit.inverse))
+    deviation = fit.spread(np.eye(n, len(fit.values))).deviation
+    is_observable = seen.is_used.any(axis=0) & (deviation < UNOBSERVABLE * np.abs(fit.values[:n]))
     if not is_observable.any():
-        span = np.ptp(seen.known + seen.columns @ fit.beta, axis=0)
+        span, noise = np.ptp(seen.torque(fit), axis=0), np.sqrt(fit.variances)
         raise InvalidInputError(
             'no effort scale is observable: the gravity torque in the poses varies by '
             f'{span.round(3).tolist()} N·m at {list(arm.joint_names)}, and the effort has the '
-            f'standard deviation {fit.noise.round(3).tolist()}, expected poses in which the '
-            'gravity torque differs more')
+            f'standard deviation {noise.round(3).tolist()}, expected poses in which the gravity '
+            'torque differs more')
     if not is_observable.all():
         fit = scale_fit.fit_scales(seen, np.where(is_observable, np.nan, assumed))
     return fit, is_observable
 
 
 def _values(
-    seen: scale_fit.Observations, torque: FloatArray, fit: scale_fit.ScaleFit,
+    seen: scale_fit.Observations, torque: FloatArray, fit: EffortFit,
     is_observable: BoolArray, has_enough: BoolArray, previous: EffortCalibration,
 ) -> tuple[FloatArray, FloatArray]:
     """Return scale and offset, of the fit or the previous ones."""
-    scale = np.where(is_observable, 1.0 / fit.inverse, previous.scale)
+    inverse, offset = fit.values[:2 * len(is_observable)].reshape(2, -1)
+    scale = np.where(is_observable, 1.0 / inverse, previous.scale)
     rows = np.maximum(seen.is_used.sum(axis=0), 1)
     with_previous = np.where(seen.is_used, seen.effort - torque / scale, 0.0).sum(axis=0) / rows
     return scale, np.asarray(np.where(
-        is_observable, fit.offset, np.where(has_enough, with_previous, previous.offset)))
+        is_observable, offset, np.where(has_enough, with_previous, previous.offset)))

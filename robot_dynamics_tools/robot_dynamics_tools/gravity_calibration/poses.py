@@ -21,9 +21,8 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.worst_gravity import search_box
 from robot_dynamics.validation import check_vector
-from robot_dynamics_tools.gravity_calibration.gravity_model import gravity_regressor
 from robot_dynamics_tools.gravity_calibration.holds import per_joint
-from robot_dynamics_tools.gravity_calibration.scale_fit import joint_columns
+from robot_dynamics_tools.gravity_calibration.scale_fit import gravity_regressor, joint_columns
 
 COUNTS = 8, 20
 """Smallest and largest number of poses."""

@@ -14,14 +14,10 @@ from robot_dynamics.joints.effort_convention import joint_effort_at_rest
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.model.payload import Payload
-from robot_dynamics_tools.analysis.arm_recording import (
-    AnalysisSettings,
-    open_recording,
-    read_for_arm,
-)
+from robot_dynamics_tools.analysis import arm_recording
 from robot_dynamics_tools.gravity_calibration.calibration import calibrate_holds, Calibration
 from robot_dynamics_tools.gravity_calibration.holds import find_holds, Hold
-from robot_dynamics_tools.gravity_calibration.tool_estimate import Tool
+from robot_dynamics_tools.gravity_calibration.scale_fit import Tool
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.tables import TableRecording
 
@@ -59,8 +55,8 @@ class RecordedCalibration:
 
 
 def calibrate_recordings(
-    bags: Sequence[Path], settings: AnalysisSettings, weighted_bags: Sequence[Path] = (),
-    weight: Payload | None = None, tool: Tool | None = None,
+    bags: Sequence[Path], settings: arm_recording.AnalysisSettings,
+    weighted_bags: Sequence[Path] = (), weight: Payload | None = None, tool: Tool | None = None,
 ) -> RecordedCalibration:
     """
     Return the calibration from recordings, `weighted_bags` with a known weight.
@@ -81,7 +77,7 @@ def calibrate_recordings(
         if all(one.commanded for one in recorded) else None)
 
 
-def read_holds(bags: Sequence[Path], settings: AnalysisSettings) -> RecordedHolds:
+def read_holds(bags: Sequence[Path], settings: arm_recording.AnalysisSettings) -> RecordedHolds:
     """
     Return the holds of recordings with the same load, as if they were one recording.
 
@@ -105,13 +101,13 @@ def _joined(parts: Sequence[Sequence[Hold]]) -> tuple[Hold, ...]:
     return tuple(holds)
 
 
-def _read(bag: Path, settings: AnalysisSettings) -> RecordedHolds:
+def _read(bag: Path, settings: arm_recording.AnalysisSettings) -> RecordedHolds:
     convention = convention_from_parameters(settings.parameters)
     kind = convention.measured_effort
     if convention.lacks_gravity or kind == 'none':
         raise InvalidInputError(
             f'measured_effort is {kind!r}, expected an effort that includes gravity')
-    read = read_for_arm(bag, settings)
+    read = arm_recording.read_for_arm(bag, settings)
     if read.series.effort is None:
         raise RecordingError(f'recording {str(bag)!r} has no effort, expected joint states with '
                              'effort')
@@ -126,7 +122,7 @@ def _read(bag: Path, settings: AnalysisSettings) -> RecordedHolds:
 
 def _command(bag: Path, series: JointSeries) -> FloatArray | None:
     """Return the command (m, n) at the samples of a recording, None without one for each."""
-    with open_recording(bag) as recording:
+    with arm_recording.open_recording(bag) as recording:
         if isinstance(recording, TableRecording):
             return None
         topics = [topic.name for topic in recording.topics

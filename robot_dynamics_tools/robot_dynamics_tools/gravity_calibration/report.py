@@ -7,23 +7,19 @@ import numpy as np
 from robot_dynamics.joints.effort_calibration import LARGEST_OFFSET, LARGEST_SCALE, LEAST_SCALE
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
+from robot_dynamics_tools.gravity_calibration import recorded_holds
 from robot_dynamics_tools.gravity_calibration.calibration import (
     Calibration,
     LEAST_POSES,
     ScaleReference,
 )
-from robot_dynamics_tools.gravity_calibration.gravity_model import NAMES, UNITS
-from robot_dynamics_tools.gravity_calibration.recorded_holds import (
-    RecordedCalibration,
-    RecordedHolds,
-)
-from robot_dynamics_tools.gravity_calibration.tool_estimate import ToolEstimate
+from robot_dynamics_tools.gravity_calibration.scale_fit import NAMES, ToolEstimate, UNITS
 from robot_dynamics_tools.reporting.figures import comparison_panels, joint_figure
 from robot_dynamics_tools.reporting.interactive import add_figure
-from robot_dynamics_tools.reporting.text_table import Rows
+from robot_dynamics_tools.reporting.text_table import cells, column_rows, Rows
 
 
-def fact_rows(found: RecordedCalibration) -> Rows:
+def fact_rows(found: recorded_holds.RecordedCalibration) -> Rows:
     """Return the facts of a calibration, with a name and a value in each row."""
     calibration = found.calibration
     arm = calibration.arm
@@ -41,30 +37,29 @@ def fact_rows(found: RecordedCalibration) -> Rows:
 
 def joint_rows(found: Calibration) -> Rows:
     """Return scale and offset of each joint, with the half widths of the 95 % intervals."""
-    rows: Rows = [('joint', 'effort scale', '± (95 %)', 'effort offset', '± (95 %)',
-                   'noise at a pose', 'range of gravity', 'poses')]
-    for j, name in enumerate(found.arm.joint_names):
-        unit = units_of(found.arm.joint_kinds[j]).effort
-        rows.append((
-            name, f'{found.scale[j]:.4f}', _finite(found.scale_interval[j], ''),
-            f'{found.offset[j]:.3f} {unit}',
-            _finite(found.offset_interval[j], f' {unit}'),
-            f'{found.noise[j]:.2g} {unit}', f'{found.torque_range[j]:.3g} {unit}',
-            str(found.pose_count[j])))
-    return rows
+    units = [units_of(kind).effort for kind in found.arm.joint_kinds]
+    return column_rows(
+        'joint', found.arm.joint_names,
+        ('effort scale', cells(found.scale, '.4f')),
+        ('± (95 %)', cells(found.scale_interval, '.2g')),
+        ('effort offset', cells(found.offset, '.3f', units)),
+        ('± (95 %)', cells(found.offset_interval, '.2g', units)),
+        ('noise at a pose', cells(found.noise, '.2g', units)),
+        ('range of gravity', cells(found.torque_range, '.3g', units)),
+        ('poses', map(str, found.pose_count)))
 
 
 def tool_rows(tool: ToolEstimate) -> Rows:
     """Return mass and first moments of a tool with their 95 % intervals."""
-    rows: Rows = [(f'tool on {tool.link}', 'value', '± (95 %)')]
-    for name, unit, value, interval in zip(NAMES, UNITS, tool.values, tool.intervals):
-        is_known = np.isfinite(interval)
-        rows.append((name, f'{value:.4g} {unit}' if is_known else 'not observable', (
-            'given' if interval == 0.0 else _finite(interval, f' {unit}'))))
-    return rows
+    return column_rows(
+        f'tool on {tool.link}', NAMES,
+        ('value', [value if known else 'not observable' for value, known in zip(
+            cells(tool.values, '.4g', UNITS), np.isfinite(tool.intervals))]),
+        ('± (95 %)', ['given' if interval == 0.0 else cell for cell, interval in zip(
+            cells(tool.intervals, '.2g', UNITS), tool.intervals)]))
 
 
-def hold_rows(found: RecordedHolds) -> Rows:
+def hold_rows(found: recorded_holds.RecordedHolds) -> Rows:
     """Return the holds, with positions and the side from which each joint came."""
     arm = found.arm
     rows: Rows = [('time [s]', *(
@@ -85,10 +80,6 @@ def notes(found: Calibration) -> list[str]:
     x, y, z = moments / mass
     return [f'The tool is not part of the parameter file. Set it in the running node: ros2 '
             f'dynamics payload {found.tool.link} {mass:.4g} --com {x:.4f} {y:.4f} {z:.4f}']
-
-
-def _finite(value: float, unit: str) -> str:
-    return f'{value:.2g}{unit}' if np.isfinite(value) else '-'
 
 
 GOOD_SCALE, GOOD_OFFSET = 0.01, 0.02
@@ -166,7 +157,7 @@ def _more(found: Calibration) -> str:
     return WEIGHT if found.reference is ScaleReference.WEIGHT else POSES
 
 
-def calibration_page(found: RecordedCalibration, origin: Origin) -> str:
+def calibration_page(found: recorded_holds.RecordedCalibration, origin: Origin) -> str:
     """Return the report; raise MissingDependencyError without matplotlib."""
     calibration = found.calibration
     lines = [line for one in found.recorded for line in one.lines]

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Bilinear least squares of effort scales, offsets and gravity parameters.
+The fit of effort scales, offsets and gravity parameters to efforts at rest (`effort_fit`).
 
+Gravity torque at rest is linear in masses and first moments: g(q) = Y(q) φ, with
+φ = (m, m c_x, m c_y, m c_z) of a body, [kg] and [kg·m], in the frame of its link.
 The driver's effort at rest, without friction, is e_j = k_j (a_j + Y_j β) + o_j, with the known
 gravity torque a, unknown gravity parameters β, offset o and k = 1 / s of the scale s. In s, s o
-and β the equation s_j e_j − s_j o_j − Y_j β = a_j is linear, which gives the first values.
-Gauss–Newton steps with the exact Jacobian then minimise the squares of the measured effort,
-weighted by joint with the variance of its residual: G. A. F. Seber, C. J. Wild, *Nonlinear
-Regression*, Wiley 1989, sections 2.1 and 2.8.8 (iteratively estimated weights).
+and β the equation s_j e_j − s_j o_j − Y_j β = a_j is linear, which gives the first values. A tool
+on a link is a combination of gravity parameters.
 """
 
 from dataclasses import dataclass
@@ -17,18 +17,46 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics_tools.estimated_weights import estimated_weights
-from robot_dynamics_tools.least_squares import decomposed, LOST
-from robot_dynamics_tools.unknown_drives import SCALE_DEVIATION
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.pseudo_inertia import COUNT
+from robot_dynamics.model.regressor import inertial_parameters, TorqueRegressor
+from robot_dynamics_tools.estimation import effort_fit
+from robot_dynamics_tools.estimation.priors import SCALE_DEVIATION
 
-_STEPS, _ROUNDS = 30, 6
-_CONVERGED = 1e-13
-_ROUNDING = 1e-12
-"""Size of a column, relative to the largest one, below which it consists of rounding errors."""
-_UNLIMITED = 1e9
-"""Degrees of freedom of what is not estimated from residuals."""
+NAMES = ('m', 'mx', 'my', 'mz')
+"""Names of φ of a body."""
+UNITS = ('kg', 'kg·m', 'kg·m', 'kg·m')
 _LEAST_NOISE = 1e-10
 """Smallest standard deviation of the effort, relative to its largest value."""
+
+
+def gravity_parameters(arm: ArmModel) -> FloatArray:
+    """Return φ (4 × bodies,) of the arm, with its payload."""
+    return inertial_parameters(arm).reshape(-1, COUNT)[:, :len(NAMES)].ravel()
+
+
+def gravity_regressor(arm: ArmModel, q: FloatArray) -> FloatArray:
+    """Return Y (m, n, 4 × bodies) at positions (m, n); bodies as in `regressor`."""
+    zero = np.zeros_like(q)
+    Y = TorqueRegressor(arm)(q, zero, zero)
+    return np.asarray(Y[:, :, np.arange(Y.shape[2]) % COUNT < len(NAMES)])
+
+
+def link_columns(arm: ArmModel, link: str) -> FloatArray:
+    """
+    Return T (4 × bodies, 4): Y T is the regressor of a load on a link, in the frame of the link.
+
+    Raises InvalidInputError for an unknown link.
+    """
+    frame = arm.link_frame(link, 'link')
+    T = np.zeros((len(NAMES) * (arm.pinocchio_model.njoints - 1), len(NAMES)))
+    if frame.parentJoint == 0:
+        return T  # fixed to the base: no joint bears it
+    body = T[len(NAMES) * (frame.parentJoint - 1):][:len(NAMES)]
+    body[0, 0] = 1.0
+    body[1:, 0] = frame.placement.translation
+    body[1:, 1:] = frame.placement.rotation
+    return T
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,63 +72,19 @@ class Observations:
     columns: FloatArray
     is_used: BoolArray
 
+    def rows(self, j: int) -> effort_fit.Rows:
+        """Return the equations of a joint, whose unknowns are k (n,), o (n,) and β (k,)."""
+        used, (_, n, size) = self.is_used[:, j], self.columns.shape
+        z = np.column_stack([self.columns[used, j], self.known[used, j], np.ones(used.sum()),
+                             self.effort[used, j]])
+        of_beta, known, one, effort = np.split(np.eye(size + 3), [size, size + 1, size + 2])
+        return effort_fit.Rows(
+            z, len(z), effort[0], np.outer(one, np.eye(2 * n + size)[n + j]), j, known[0],
+            of_beta.T @ np.eye(size, 2 * n + size, 2 * n))
 
-class Spread(NamedTuple):
-    """Standard deviations and half widths of the 95 % intervals; infinite if not determined."""
-
-    deviation: FloatArray
-    interval: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class ScaleFit:
-    """
-    Inverse scale k (n,), offset o (n,) [N·m] or [N], and β (k,).
-
-    `noise` (n,) is the standard deviation of the effort. `parts` (n + 1, 2n + k, 2n + k) are the
-    parts of the covariance of k, o and β, in this order, due to the noise of each joint, and the
-    assumed scales; `freedom` (n + 1,) are the degrees of freedom of their noise, `is_lost`
-    (2n + k,) marks what is not determined. `condition` is the condition number of the weighted
-    Jacobian with columns of length 1, of the combinations of parameters that it determines.
-    """
-
-    inverse: FloatArray
-    offset: FloatArray
-    beta: FloatArray
-    noise: FloatArray
-    parts: FloatArray
-    freedom: FloatArray
-    is_lost: BoolArray
-    condition: float
-
-    @property
-    def covariance(self) -> FloatArray:
-        """Return the covariance (2n + k, 2n + k), without what is not determined."""
-        return np.asarray(self.parts.sum(axis=0))
-
-    def spread(self, combinations: FloatArray) -> Spread:
-        """Return the spread of combinations (c, 2n + k) of k, o and β."""
-        C = combinations
-        variances = np.einsum('ck,jkl,cl->jc', C, self.parts, C, optimize=True)
-        total = variances.sum(axis=0)
-        share = np.divide(variances, total, out=np.zeros_like(variances), where=total > 0.0)
-        factor, quantile = estimated_weights(share, self.freedom)
-        deviation = np.sqrt(total) * factor
-        interval = deviation * quantile
-        is_lost = (np.abs(C[:, self.is_lost]) > LOST).any(axis=1)
-        return Spread(np.where(is_lost, np.inf, deviation), np.where(is_lost, np.inf, interval))
-
-
-def model_effort(
-    inverse: FloatArray, offset: FloatArray, beta: FloatArray, seen: Observations,
-) -> FloatArray:
-    """Return the modelled effort (P, n) [N·m] or [N]."""
-    return np.asarray(inverse * (seen.known + seen.columns @ beta) + offset)
-
-
-def effort_jacobian(inverse: FloatArray, beta: FloatArray, seen: Observations) -> FloatArray:
-    """Return the derivative (P, n, 2n + k) of the modelled effort by k, o and β."""
-    return joint_columns(seen.known + seen.columns @ beta, 1.0, inverse[:, None] * seen.columns)
+    def torque(self, fit: effort_fit.EffortFit) -> FloatArray:
+        """Return the gravity torque (P, n) [N·m] or [N] of a fit."""
+        return np.asarray(self.known + self.columns @ fit.values[2 * self.effort.shape[1]:])
 
 
 def joint_columns(of_scale: FloatArray, of_offset: float, of_beta: FloatArray) -> FloatArray:
@@ -119,31 +103,25 @@ def joint_columns(of_scale: FloatArray, of_offset: float, of_beta: FloatArray) -
     return A
 
 
-def fit_scales(seen: Observations, assumed: FloatArray) -> ScaleFit:
+def fit_scales(seen: Observations, assumed: FloatArray) -> effort_fit.EffortFit:
     """
-    Return the fit.
+    Return the fit of k (n,), o (n,) [N·m] or [N] and β (k,), in this order.
 
     k is pulled to `assumed` (n,) with SCALE_DEVIATION, and is free where that is NaN.
     """
-    n = seen.effort.shape[1]
-    values = _first_values(seen)
-    noise = np.ones(n)
-    floor = _LEAST_NOISE * max(float(np.abs(seen.effort).max(initial=0.0)), 1e-3)
-    rows = seen.is_used.sum(axis=0)
-    for _ in range(_ROUNDS):
-        _minimise(seen, assumed, noise, values)
-        basis = decomposed(_weighted_jacobian(seen, assumed, noise, values)).basis
-        leverage = (basis**2).sum(axis=1)[:seen.is_used.size].reshape(-1, n).sum(axis=0)
-        freedom = np.maximum(rows - leverage, 1.0)
-        squares = (_residual(seen, values)**2).sum(axis=0)
-        noise = np.maximum(np.sqrt(squares / freedom), floor)
-    basis, back, is_lost, condition = decomposed(_weighted_jacobian(seen, assumed, noise, values))
-    joint = np.append(np.tile(np.arange(n), len(seen.effort)), np.full(n, n))
-    parts = np.array([
-        back @ (basis[joint == j].T @ basis[joint == j]) @ back.T for j in range(n + 1)])
-    return ScaleFit(
-        values[:n], values[n:2 * n], values[2 * n:], noise, parts,
-        np.append(freedom, _UNLIMITED), is_lost, condition)
+    n, start = len(assumed), _first_values(seen)
+    start[:n] = np.where(np.isfinite(assumed), assumed, start[:n])
+    W = np.diag(np.isfinite(assumed) / SCALE_DEVIATION) @ np.eye(n, len(start))
+    floor = (_LEAST_NOISE * max(float(np.abs(seen.effort).max(initial=0.0)), 1e-3))**2
+
+    def variances(
+        theta: FloatArray, squares: FloatArray, free: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        found, freedom = effort_fit.residual_variances(theta, squares, free)
+        return np.maximum(found, floor), freedom
+
+    return effort_fit.fit_effort(
+        [seen.rows(j) for j in range(n)], start, np.ones(n), lambda _: W, variances)
 
 
 def _first_values(seen: Observations) -> FloatArray:
@@ -159,53 +137,62 @@ def _first_values(seen: Observations) -> FloatArray:
     return np.concatenate([1.0 / scale, x[n:2 * n] / scale, x[2 * n:]])
 
 
-def _residual(seen: Observations, values: FloatArray) -> FloatArray:
-    """Return measured − modelled effort (P, n), 0 where not used."""
-    n = seen.effort.shape[1]
-    model = model_effort(values[:n], values[n:2 * n], values[2 * n:], seen)
-    return np.where(seen.is_used, seen.effort - model, 0.0)
-
-
-def _weighted_jacobian(
-    seen: Observations, assumed: FloatArray, noise: FloatArray, values: FloatArray,
-) -> FloatArray:
-    """Return the rows of all equations, (P n + n, 2n + k), and of the assumed scales."""
-    n = len(noise)
-    J = effort_jacobian(values[:n], values[2 * n:], seen) / noise[:, None]
-    J *= seen.is_used[:, :, None]
-    pull = np.eye(n, J.shape[2]) * np.isfinite(assumed)[:, None] / SCALE_DEVIATION
-    return _without_rounding(np.concatenate([J.reshape(-1, J.shape[2]), pull]))
-
-
-def _minimise(
-    seen: Observations, assumed: FloatArray, noise: FloatArray, values: FloatArray,
-) -> None:
-    """Change `values` to the least squares."""
-    n = len(noise)
-    for _ in range(_STEPS):
-        r = np.concatenate([
-            (_residual(seen, values) / noise).ravel(),
-            np.nan_to_num(assumed - values[:n]) / SCALE_DEVIATION])
-        step = decomposed(_weighted_jacobian(seen, assumed, noise, values)).inverse @ r
-        values += step
-        if (np.abs(step) <= _CONVERGED * (1.0 + np.abs(values))).all():
-            break
-
-
-def _without_rounding(A: FloatArray) -> FloatArray:
-    """Return A with zeros in the columns that are rounding errors of zeros."""
-    norm = np.linalg.norm(A, axis=0)
-    return np.where(norm > _ROUNDING * norm.max(initial=0.0), A, 0.0)
-
-
 def linear_fit(A: FloatArray, covariance: FloatArray) -> tuple[FloatArray, BoolArray]:
     """
     Return G (p, m) of the least squares x = G b of A x = b, and which of x are not determined.
 
     b (m,) has this covariance (m, m).
     """
-    A = _without_rounding(A)
     variance, axes = np.linalg.eigh(covariance)
     rows = axes.T / np.sqrt(np.maximum(variance, 1e-12 * variance[-1]))[:, None]
-    found = decomposed(rows @ A)
+    found = effort_fit.decomposed(rows @ A)
     return np.asarray(found.inverse @ rows), found.is_lost
+
+
+class Tool(NamedTuple):
+    """A tool on a link that the URDF does not contain; `mass` [kg] may be unknown: None."""
+
+    link: str
+    mass: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ToolEstimate:
+    """
+    The mass [kg] and first moments [kg·m] of a tool in the frame of its link, (4,).
+
+    The standard deviations and half widths of the 95 % intervals (4,) are 0 for a mass that was
+    given, infinite if not observable.
+    """
+
+    link: str
+    values: FloatArray
+    deviations: FloatArray
+    intervals: FloatArray
+
+
+def estimate_tool(
+    arm: ArmModel, tool: Tool, has_weight: bool, basis: FloatArray, fit: effort_fit.EffortFit,
+) -> ToolEstimate:
+    """
+    Return the tool; `basis` (4 × bodies, k) are the gravity parameters of β of the fit.
+
+    With a known weight, β is the whole arm, and the tool is the difference to the URDF. Otherwise
+    β are the first moments.
+    """
+    n = arm.joint_count
+    given = np.array([] if tool.mass is None else [tool.mass])
+    known, of_unknown = ~fit.solution.is_lost[2 * n:], slice(len(given), len(NAMES))
+    beta = target = fit.values[2 * n:]
+    G = np.eye(len(beta))
+    is_lost = ~known
+    if has_weight:
+        T = basis.T @ link_columns(arm, tool.link)
+        target = beta - basis.T @ gravity_parameters(arm) - T[:, :len(given)] @ given
+        G = np.zeros((len(NAMES) - len(given), len(beta)))
+        G[:, known], is_lost = linear_fit(
+            T[known, of_unknown], fit.covariance[2 * n:, 2 * n:][np.ix_(known, known)])
+    spread = fit.spread(np.column_stack([np.zeros((len(G), 2 * n)), G]))
+    no_spread = np.zeros(len(given))
+    return ToolEstimate(tool.link, np.concatenate([given, G @ target]), *(
+        np.concatenate([no_spread, np.where(is_lost, np.inf, one)]) for one in spread))

@@ -26,16 +26,8 @@ from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_f
 from robot_dynamics_tools.analysis.bag_analysis import with_joint_effort
 from robot_dynamics_tools.analysis.batch import Outcome, Task, TaskOutcome
 from robot_dynamics_tools.analysis.motion_filter import filter_motion
-from robot_dynamics_tools.identification import steps
-from robot_dynamics_tools.identification.friction_regressor import scales_of
-from robot_dynamics_tools.identification.joint_excitation import LEAST_TRAVEL
-from robot_dynamics_tools.identification.pipeline import (
-    Identification,
-    identify_recordings,
-    Observability,
-    observability,
-    Recordings,
-)
+from robot_dynamics_tools.identification import pipeline, steps
+from robot_dynamics_tools.identification.friction_regressor import LEAST_TRAVEL, scales_of
 from robot_dynamics_tools.identification.qr_information import QrInformation
 
 
@@ -86,9 +78,9 @@ def read_motion(bag: Path, settings: IdentificationSettings) -> steps.FilteredAr
 
 
 def reduce_task(bag: Path, task: tuple[IdentificationSettings, steps.Reduction]) -> QrInformation:
-    """Return the information in a recording; raise like `read_motion` and `reduce_recording`."""
+    """Return the information in a recording; raise like `read_motion` and the step."""
     settings, step = task
-    return steps.reduce_recording(read_motion(bag, settings), step)
+    return step(read_motion(bag, settings))
 
 
 def evaluate_task(
@@ -96,7 +88,7 @@ def evaluate_task(
 ) -> steps.EvaluatedRecording:
     """Return the tests of models on a recording; raise the errors of `read_motion`."""
     settings, step = task
-    return steps.evaluate_recording(read_motion(bag, settings), step)
+    return step(read_motion(bag, settings))
 
 
 TaskRunner = Callable[[Task[Any, Any], Sequence[Path], Any], list[TaskOutcome[Any]]]
@@ -112,7 +104,7 @@ class BagIdentification:
     with their errors. With `seeks_stiffness`, the gains are the stiffness of position drives.
     """
 
-    identification: Identification
+    identification: pipeline.Identification
     bags: tuple[Path, ...]
     failed: tuple[tuple[Path, str], ...]
     seeks_stiffness: bool = False
@@ -122,7 +114,7 @@ def identify_bags(
     bags: Sequence[Path], settings: IdentificationSettings, run: TaskRunner,
     effort_is_current: bool | None = None, on_stage: Callable[[str], None] = lambda _: None,
     keeps_samples: bool = False, dry_run: bool = False,
-) -> BagIdentification | Observability:
+) -> BagIdentification | pipeline.Observability:
     """
     Return the identification of an arm from recordings on disk, like `identify_recordings`.
 
@@ -145,9 +137,10 @@ def identify_bags(
                 f'{bag.name}: {error}' for bag, error in failed.items()))
         return [result for _, result in done]
 
-    recordings = Recordings(
+    recordings = pipeline.Recordings(
         settings.arm, partial(results, reduce_task), partial(results, evaluate_task))
-    found = observability(recordings, effort_is_current) if dry_run else identify_recordings(
-        recordings, effort_is_current, on_stage, keeps_samples)
-    return found if isinstance(found, Observability) else BagIdentification(
-        found, tuple(left), tuple(failed.items()), settings.analysis.seeks_stiffness)
+    found = pipeline.observability(recordings, effort_is_current) if dry_run else (
+        pipeline.identify_recordings(recordings, effort_is_current, on_stage, keeps_samples))
+    return BagIdentification(
+        found, tuple(left), tuple(failed.items()), settings.analysis.seeks_stiffness) if (
+            isinstance(found, pipeline.Identification)) else found

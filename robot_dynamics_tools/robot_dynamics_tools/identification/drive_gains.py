@@ -17,14 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics_tools.identification.friction_regressor import (
-    COLUMN_NAMES,
-    PAYLOAD,
-    structure,
-)
+from robot_dynamics_tools.estimation.effort_fit import fit_effort, Rows
+from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.qr_information import QrInformation
 from robot_dynamics_tools.identification.regularized_fit import Prior
-from robot_dynamics_tools.least_squares import decomposed
 
 LEAST_CERTAINTY = 5.0
 """Smallest ratio of 1/K to its standard deviation with which K counts as known."""
@@ -39,9 +35,8 @@ SEEMS_OFF = 2.0
 """A drive gain that differs from 1 by more than this factor suggests a unit other than N·m."""
 CONFOUNDED = 2.0
 """Ratio of both deviations above which a gain is confounded with the masses of the URDF."""
-_ITERATIONS = 3
-_FRICTION = structure('sigmoid 0.03').columns
-_DRY = 1 + _FRICTION.index(COLUMN_NAMES.index('sigmoid 0.03'))
+_FRICTION = friction_regressor.structure('sigmoid 0.03').columns
+_DRY = 1 + _FRICTION.index(friction_regressor.COLUMN_NAMES.index('sigmoid 0.03'))
 """Place of dry friction among the load and these columns."""
 
 
@@ -114,58 +109,36 @@ def drive_gains(information: QrInformation, prior: Prior) -> GainEstimate:
     effort of a payload is a column of the information, the masses are estimated with the gain, and
     the URDF is their prior: recordings with and without a payload determine the gain by its mass.
     """
-    factors = information.together()
+    factors, own = information.together(), np.array(_FRICTION)
     n, p = len(information.joint_names), prior.count
-    rows = max(float(information.rows.sum()), 1.0)
-    samples = information.samples_per_independent_sample
+    counts = float(information.rows.sum()) / information.samples_per_independent_sample
     spread = MASS_ERROR * np.linalg.inv(prior.rows)
     gain, deviation, noise = np.full(n, np.nan), np.full(n, np.inf), np.full(n, np.inf)
-    sign = np.ones(n)
+    sign, first = np.ones(n), 1 + len(own)
+    z, unit = np.eye(factors.shape[-1]), np.eye(first + p)
+    known, masses = prior.parameters @ z[:p] + z[p + friction_regressor.PAYLOAD], z[:, :p] @ spread
+    friction, errors = z[:, p + own] @ unit[1:first], masses @ unit[first:]
+    linear, no_prior = np.column_stack([known, z[:, p + own]]), np.zeros((0, first))
     for j in np.flatnonzero(information.is_measured).tolist():
         R = factors[j]
-        load = R[:, :p] @ prior.parameters + R[:, p + PAYLOAD]
-        if np.linalg.norm(load) <= 1e-9 * np.linalg.norm(R[:, -1]):
+        if np.linalg.norm(R @ known) <= 1e-9 * np.linalg.norm(R[:, -1]):
             continue
-        X, masses = np.column_stack([load, R[:, p + np.array(_FRICTION)]]), R[:, :p] @ spread
-        inverse, by_noise, by_masses = _first_value(X, masses, R[:, -1], rows, samples[j])
-        error = float(np.hypot(by_noise, by_masses))
-        first = np.roll(X, -_DRY, axis=1)
-        dry, of_dry, _ = _first_value(first, masses, R[:, -1], rows, samples[j])
-        sign[j] = -1.0 if dry < -LEAST_CERTAINTY * of_dry else 1.0
-        noise[j] = by_noise / inverse**2 if inverse else np.inf
-        if R[:, p + PAYLOAD].any():
-            # the errors of the masses times 1/K, in units of their standard deviations
-            wide = np.column_stack([X, inverse * masses])
-            value, by_noise, _ = _first_value(wide, masses, R[:, -1], rows, samples[j], p)
-            if by_noise < error:
-                inverse, error = value, by_noise
+        fit = fit_effort([Rows(R, counts[j], z[-1], linear)], np.zeros(first), np.ones(1),
+                         lambda _: no_prior)
+        inverse, by_noise = fit.values[0], np.linalg.norm(fit.solution.back, axis=1)
+        by_masses = inverse * (fit.solution.inverse[0] @ R @ masses) / np.sqrt(fit.variances)
+        error = np.hypot(by_noise[0], np.linalg.norm(by_masses))
+        if fit.values[_DRY] < -LEAST_CERTAINTY * by_noise[_DRY]:
+            sign[j] = -1.0
+        noise[j] = by_noise[0] / inverse**2 if inverse else np.inf
+        if R[:, p + friction_regressor.PAYLOAD].any():
+            wide = fit_effort([Rows(R, counts[j], z[-1], friction, 0, known, errors)],
+                              np.zeros(first + p), np.ones(1), lambda _: unit[first:])
+            of_wide = np.linalg.norm(wide.solution.back[0])
+            if of_wide < error:
+                inverse, error = wide.values[0], of_wide
         if inverse:
             gain[j], deviation[j] = 1.0 / inverse, error / inverse**2
     size = np.abs(gain)
-    known = (size > LEAST_CERTAINTY * noise) & (size > LEAST_TOTAL_CERTAINTY * deviation)
-    return GainEstimate(gain, deviation, known, noise, sign)
-
-
-def _first_value(
-    X: FloatArray, masses: FloatArray, y: FloatArray, rows: float, samples: float,
-    unit_count: int = 0,
-) -> tuple[float, float, float]:
-    """
-    Return the first parameter of a least-squares fit of y (k,) by X (k, c), and its deviations.
-
-    These are the deviations by the noise and by the errors of the masses.
-    `masses` (k, p) are the changes of the load by these errors. The last `unit_count` parameters
-    have a standard deviation of 1 around 0.
-    """
-    k = X.shape[1]
-    target = np.append(y, np.zeros(unit_count))
-    sigma = float(np.linalg.norm(y)) * np.sqrt(samples / rows)
-    value, noise, by_masses = 0.0, np.inf, np.inf
-    for _ in range(_ITERATIONS):
-        A = np.vstack([X, sigma * np.eye(k)[k - unit_count:]])
-        inverse = decomposed(A, 1e-10).inverse
-        x = inverse @ target
-        value, noise = float(x[0]), sigma * float(np.linalg.norm(inverse[0]))
-        by_masses = abs(value) * float(np.linalg.norm(inverse[0, :len(y)] @ masses))
-        sigma = float(np.linalg.norm(X @ x - y)) * np.sqrt(samples / rows) + 1e-300
-    return value, noise, by_masses
+    is_known = (size > LEAST_CERTAINTY * noise) & (size > LEAST_TOTAL_CERTAINTY * deviation)
+    return GainEstimate(gain, deviation, is_known, noise, sign)

@@ -17,23 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics_tools.identification.friction_regressor import (
-    FrictionStructure,
-    SIMPLEST,
-    structures,
-)
+from robot_dynamics_tools.identification import friction_regressor, regularized_fit
 from robot_dynamics_tools.identification.qr_information import QrInformation
-from robot_dynamics_tools.identification.regularized_fit import (
-    consistent_fit,
-    Fit,
-    grams_of,
-    is_physical,
-    Prior,
-    Problem,
-    solve,
-    solve_bounded,
-    URDF_REGULARIZATION,
-)
 
 REGULARIZATIONS = tuple(10.0**exponent for exponent in range(-3, 7))
 """Candidates of κ; the last one leaves the bodies of the URDF unchanged."""
@@ -57,16 +42,16 @@ class FittedModels:
     consistent set. `unbounded` is like `base`, but friction and rotors may be negative.
     """
 
-    problem: Problem
+    problem: regularized_fit.Problem
     validated: FloatArray
-    urdf: Fit
-    friction: Fit
-    base: Fit
-    consistent: Fit
-    unbounded: Fit
+    urdf: regularized_fit.Fit
+    friction: regularized_fit.Fit
+    base: regularized_fit.Fit
+    consistent: regularized_fit.Fit
+    unbounded: regularized_fit.Fit
 
     @property
-    def by_name(self) -> dict[str, Fit]:
+    def by_name(self) -> dict[str, regularized_fit.Fit]:
         return {'urdf': self.urdf, 'urdf and friction': self.friction, 'base': self.base,
                 'unbounded': self.unbounded, 'consistent': self.consistent}
 
@@ -74,20 +59,20 @@ class FittedModels:
 class CrossValidation:
     """Sums of squares on the omitted blocks (folds, f of them), for any model."""
 
-    def __init__(self, information: QrInformation, prior: Prior) -> None:
+    def __init__(self, information: QrInformation, prior: regularized_fit.Prior) -> None:
         self.information, self.prior = information, prior.for_effort(information)
-        self._train = [grams_of(information.all_but(i)) for i in information.folds]
-        self._block = [grams_of(information.block(i)) for i in information.folds]
-        self.all = grams_of(information.together())
+        self._train = [regularized_fit.grams_of(information.all_but(i)) for i in information.folds]
+        self._block = [regularized_fit.grams_of(information.block(i)) for i in information.folds]
+        self.all = regularized_fit.grams_of(information.together())
         rows = information.rows[::2].sum()
         self.effort_power = np.sum([grams[:, -1, -1] for grams in self._block], axis=0)
         self.is_measured = information.is_measured
         self.rows = max(float(rows), 1.0)
 
-    def squares(self, problem: Problem) -> FloatArray:
+    def squares(self, problem: regularized_fit.Problem) -> FloatArray:
         """Return the sum of squared residuals on each omitted block, (f, n)."""
         return np.stack([
-            solve(train, problem).squares(block)
+            regularized_fit.solve(train, problem).squares(block)
             for train, block in zip(self._train, self._block)])
 
     def relative(self, squares: FloatArray) -> FloatArray:
@@ -105,9 +90,9 @@ class CrossValidation:
 
 
 def choose_model(
-    information: QrInformation, prior: Prior,
-    first: Sequence[FrictionStructure] | None = None,
-) -> tuple[Problem, FloatArray]:
+    information: QrInformation, prior: regularized_fit.Prior,
+    first: Sequence[friction_regressor.FrictionStructure] | None = None,
+) -> tuple[regularized_fit.Problem, FloatArray]:
     """
     Return the structures and the regularization that predict the omitted samples best.
 
@@ -117,11 +102,11 @@ def choose_model(
     n = len(information.joint_names)
     left_out = [information.excitation.left_out(joint) for joint in range(n)]
     chosen = tuple(
-        structure if structure in structures(left_out[joint]) else
-        next(iter(structures(left_out[joint])))
-        for joint, structure in enumerate(first or [SIMPLEST] * n))
+        structure if structure in friction_regressor.structures(left_out[joint]) else
+        next(iter(friction_regressor.structures(left_out[joint])))
+        for joint, structure in enumerate(first or [friction_regressor.SIMPLEST] * n))
     weights = validation.weights(_FIRST_SIGMA**2 * validation.effort_power[np.newaxis])
-    problem = Problem(chosen, weights, validation.prior, _FIRST_REGULARIZATION)
+    problem = regularized_fit.Problem(chosen, weights, validation.prior, _FIRST_REGULARIZATION)
     for _ in range(SWEEPS):
         for joint in np.flatnonzero(validation.is_measured).tolist():
             problem = _with_best_structure(validation, problem, joint, left_out[joint])
@@ -133,20 +118,22 @@ def choose_model(
 
 
 def fit_models(
-    factors: FloatArray, problem: Problem, validated: FloatArray, urdf: FloatArray,
+    factors: FloatArray, problem: regularized_fit.Problem, validated: FloatArray, urdf: FloatArray,
 ) -> FittedModels:
     """Return all models, fitted to factors R (n, k, k); `urdf` (p,) are the bodies of the URDF."""
-    base = solve_bounded(factors, problem)
+    base = regularized_fit.solve_bounded(factors, problem)
     return FittedModels(
-        problem, validated, urdf=Fit(urdf, np.zeros_like(base.joint_values), problem.structures),
-        friction=solve_bounded(factors, problem._replace(regularization=URDF_REGULARIZATION)),
-        base=base, consistent=consistent_fit(factors, problem, base),
-        unbounded=solve(grams_of(factors), problem))
+        problem, validated, regularized_fit.Fit(
+            urdf, np.zeros_like(base.joint_values), problem.structures),
+        friction=regularized_fit.solve_bounded(factors, problem._replace(
+            regularization=regularized_fit.URDF_REGULARIZATION)),
+        base=base, consistent=regularized_fit.consistent_fit(factors, problem, base),
+        unbounded=regularized_fit.solve(regularized_fit.grams_of(factors), problem))
 
 
 def _with_best_regularization(
-    validation: CrossValidation, problem: Problem,
-) -> tuple[Problem, FloatArray]:
+    validation: CrossValidation, problem: regularized_fit.Problem,
+) -> tuple[regularized_fit.Problem, FloatArray]:
     """Return the strongest regularization that predicts as well as the best, and its squares."""
     problems = [problem._replace(regularization=k) for k in REGULARIZATIONS]
     every_joint = [validation.squares(each) for each in problems]
@@ -162,15 +149,16 @@ def _with_best_regularization(
 
 
 def _with_best_structure(
-    validation: CrossValidation, problem: Problem, joint: int, left_out: Sequence[str],
-) -> Problem:
+    validation: CrossValidation, problem: regularized_fit.Problem, joint: int,
+    left_out: Sequence[str],
+) -> regularized_fit.Problem:
     """Return the simplest structure that predicts as well as the best; dry before an offset."""
-    offered: list[tuple[FrictionStructure, Problem, FloatArray]] = []
-    for structure in structures(left_out):
+    offered = []
+    for structure in friction_regressor.structures(left_out):
         chosen = problem.structures
         trial = problem._replace(structures=(*chosen[:joint], structure, *chosen[joint + 1:]))
-        fit = solve(validation.all, trial)
-        if is_physical(fit.joint_values[joint], problem.prior.largest[joint]):
+        fit = regularized_fit.solve(validation.all, trial)
+        if regularized_fit.is_physical(fit.joint_values[joint], problem.prior.largest[joint]):
             offered.append((structure, trial, validation.squares(trial)[:, joint]))
     if not offered:
         return problem

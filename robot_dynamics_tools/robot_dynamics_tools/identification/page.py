@@ -9,6 +9,7 @@ consistent set, which is written to the files, on the test samples with that of 
 URDF with friction.
 """
 
+from itertools import repeat
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -22,7 +23,7 @@ from robot_dynamics_tools.identification.pipeline import Identification
 from robot_dynamics_tools.identification.written_uncertainty import holding_deviation
 from robot_dynamics_tools.reporting.figures import comparison_panels, scatter_figure, TimeBoundary
 from robot_dynamics_tools.reporting.interactive import add_figure, add_time_figures
-from robot_dynamics_tools.reporting.text_table import percent, Rows
+from robot_dynamics_tools.reporting.text_table import cells, column_rows, percent, Rows
 
 BETTER = 1.05
 """Ratio of residuals above which another model is better."""
@@ -206,12 +207,10 @@ def _point(point: FloatArray) -> str:
 def parameter_rows(identification: Identification) -> Rows:
     """Return the base parameters and the joints' own parameters, with their deviations."""
     estimate, base = identification.estimate, identification.base
-    rows: Rows = [('parameter', 'value', 'deviation', 'relative', 'URDF', 'definition')]
-    for i, (name, relative) in enumerate(zip(estimate.names, estimate.relative_deviations)):
-        is_base = i < estimate.base_count
-        rows.append((
-            name, f'{estimate.values[i]:.4g}', f'{estimate.deviations[i]:.2g}',
-            percent(relative) if np.isfinite(relative) else '-',
-            f'{estimate.prior[i]:.4g}' if is_base else '-',
-            base.expressions[i] if is_base else 'of this joint'))
-    return rows
+    own = len(estimate.names) - estimate.base_count
+    return column_rows(
+        'parameter', estimate.names,
+        ('value', cells(estimate.values, '.4g')), ('deviation', cells(estimate.deviations, '.2g')),
+        ('relative', cells(100.0 * estimate.relative_deviations, '.1f', repeat('%'))),
+        ('URDF', [*cells(estimate.prior[:estimate.base_count], '.4g'), *own * ['-']]),
+        ('definition', [*base.expressions, *own * ['of this joint']]))

@@ -16,15 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model import regressor
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.base_parameters import BaseParameters, find_base_parameters
-from robot_dynamics.model.regressor import (
-    inertial_parameters,
-    parameter_names,
-    random_states,
-    TorqueRegressor,
-)
 from robot_dynamics_tools.analysis.motion_filter import FilteredMotion
 from robot_dynamics_tools.identification import model_selection, recording_agreement, steps
 from robot_dynamics_tools.identification.drive_gains import (
@@ -43,24 +38,33 @@ _STATES = 60
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Observability:
     """
-    The result of an identification: the models, the base parameters, and their tests.
+    What recordings determine: the fitted models, and the base parameters.
 
-    `gains` are the gains of the drives if the effort was interpreted as a current;
-    `seeming_gains` are the gains that would result from this interpretation. `recordings` are the
-    tested recordings. With `is_cross_validated`, no samples were left for the test, and `tests`
-    have the residual on the cross-validation folds. `difference` (b,) is that of the bodies
-    of the consistent set from the URDF (`recording_agreement`).
+    `gains` are the gains of the drives if the effort was interpreted as a current.
     """
 
     arm: ArmModel
-    models: model_selection.FittedModels
-    base: BaseParameters
-    estimate: ParameterEstimate
     information: QrInformation
-    tests: dict[str, steps.ModelTest]
     gains: GainEstimate | None
+    models: model_selection.FittedModels
+    estimate: ParameterEstimate
+
+
+@dataclass(frozen=True, eq=False)
+class Identification(Observability):
+    """
+    The result of an identification: what it determined, and the tests of the models.
+
+    `seeming_gains` are the gains that would result if the effort were interpreted as a current.
+    `recordings` are the tested recordings. With `is_cross_validated`, no samples were left for the
+    test, and `tests` have the residual on the cross-validation folds. `difference` (b,) is that of
+    the bodies of the consistent set from the URDF (`recording_agreement`).
+    """
+
+    base: BaseParameters
+    tests: dict[str, steps.ModelTest]
     seeming_gains: GainEstimate
     recordings: tuple[steps.EvaluatedRecording, ...]
     difference: FloatArray
@@ -80,16 +84,6 @@ class Recordings(NamedTuple):
     evaluate: Callable[[steps.Evaluation], list[steps.EvaluatedRecording]]
 
 
-class Observability(NamedTuple):
-    """What a first pass over recordings determines, before any model is fitted and tested."""
-
-    arm: ArmModel
-    information: QrInformation
-    gains: GainEstimate | None
-    models: model_selection.FittedModels
-    estimate: ParameterEstimate
-
-
 def observability(recordings: Recordings, effort_is_current: bool | None) -> Observability:
     """Return what the recordings determine, from one pass; raise like `identify_recordings`."""
     first, gains = _first_pass(recordings, effort_is_current)
@@ -104,8 +98,8 @@ def prior_of(arm: ArmModel) -> Prior:
     bare = arm.with_payloads(())
     body = RigidBody(bare)
     inertia = np.mean([
-        np.diag(body.mass_matrix(q)) for q in random_states(bare, _STATES)[0]], axis=0)
-    return make_prior(inertial_parameters(bare), inertia, arm.limits.velocity)
+        np.diag(body.mass_matrix(q)) for q in regressor.random_states(bare, _STATES)[0]], axis=0)
+    return make_prior(regressor.inertial_parameters(bare), inertia, arm.limits.velocity)
 
 
 def base_parameters_of(arm: ArmModel, gravities: Sequence[Sequence[float]] = ()) -> BaseParameters:
@@ -114,12 +108,12 @@ def base_parameters_of(arm: ArmModel, gravities: Sequence[Sequence[float]] = ())
 
     `gravities` (3,) [m/s²] are several vectors of gravity, empty for that of the arm.
     """
-    q, v, a = random_states(arm, _STATES)
+    q, v, a = regressor.random_states(arm, _STATES)
     rotors = a[:, :, np.newaxis] * np.eye(arm.joint_count)
     X = np.concatenate([
-        np.concatenate([TorqueRegressor(each)(q, v, a), rotors], axis=2)
+        np.concatenate([regressor.TorqueRegressor(each)(q, v, a), rotors], axis=2)
         for each in [arm.with_gravity(gravity) for gravity in gravities] or [arm]])
-    names = (*parameter_names(arm), *(f'Ia({joint})' for joint in arm.joint_names))
+    names = (*regressor.parameter_names(arm), *(f'Ia({joint})' for joint in arm.joint_names))
     return find_base_parameters(X.reshape(-1, X.shape[2]), names)
 
 
@@ -130,7 +124,7 @@ def fit_model(
     """Return the models that are fitted to the information of all recordings."""
     return model_selection.fit_models(
         information.together(), *model_selection.choose_model(information, prior_of(arm), first),
-        inertial_parameters(arm.with_payloads(())))
+        regressor.inertial_parameters(arm.with_payloads(())))
 
 
 def identify(
@@ -146,9 +140,8 @@ def identify(
     """
     recorded = [steps.prepared_motion(arm, motion, train_fraction) for motion in motions]
     return identify_recordings(Recordings(
-        lambda _: arm, lambda step: [steps.reduce_recording(each, step) for each in recorded],
-        lambda step: [steps.evaluate_recording(each, step) for each in recorded]),
-        effort_is_current)
+        lambda _: arm, lambda step: [step(each) for each in recorded],
+        lambda step: [step(each) for each in recorded]), effort_is_current)
 
 
 def identify_recordings(
@@ -192,7 +185,7 @@ def identify_recordings(
     if is_cross_validated:
         tests = steps.cross_validated_tests(information, models, tests)
     return Identification(
-        arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated),
+        arm, information, gains, models, estimate, base, tests, seeming, tuple(evaluated),
         recording_agreement.difference_from_urdf(models.consistent, models.problem.prior),
         is_cross_validated)
 

@@ -25,7 +25,10 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics_tools.identification.joint_excitation import JointExcitation, merged_excitation
+from robot_dynamics_tools.identification.friction_regressor import (
+    JointExcitation,
+    merged_excitation,
+)
 
 BLOCKS = 6
 LEAST_BLOCKS = 3

@@ -19,7 +19,7 @@ from robot_dynamics_tools.analysis.motion_filter import (
     samples_per_independent_sample,
 )
 from robot_dynamics_tools.identification import friction_regressor
-from robot_dynamics_tools.identification.joint_excitation import excitation_of
+from robot_dynamics_tools.identification.friction_regressor import excitation_of
 from robot_dynamics_tools.identification.qr_information import QrInformation, reduce_rows
 from robot_dynamics_tools.identification.regularized_fit import Fit, without_memory
 

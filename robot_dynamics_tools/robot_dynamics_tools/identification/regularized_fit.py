@@ -31,6 +31,8 @@ from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.joints.friction_terms import LARGEST_LOAD_FRACTION
 from robot_dynamics.model import pseudo_inertia
+from robot_dynamics_tools.estimation.effort_fit import Rows, stacked
+from robot_dynamics_tools.estimation.priors import body_prior
 from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.qr_information import QrInformation
 
@@ -94,16 +96,11 @@ def make_prior(
     parameters: FloatArray, joint_inertia: FloatArray, velocity_limit: FloatArray,
 ) -> Prior:
     """Return the prior of a URDF's φ⁰ (p,), inertia s and velocity limit (n,) of each joint."""
-    roots = pseudo_inertia.regularizing_roots(parameters)
-    rows = np.zeros((len(parameters), len(parameters)))
-    for i, root in enumerate(roots):
-        part = slice(pseudo_inertia.COUNT * i, pseudo_inertia.COUNT * (i + 1))
-        rows[part, part] = pseudo_inertia.relative_rows(root)
+    shape = len(joint_inertia), friction_regressor.COLUMN_COUNT
     return Prior(
-        np.concatenate([pseudo_inertia.parameters_of(root @ root.T) for root in roots]), roots,
-        rows, np.maximum(joint_inertia, max(_LEAST_ROTOR * float(joint_inertia.max()), 1e-6)),
-        velocity_limit, np.zeros((len(joint_inertia), friction_regressor.COLUMN_COUNT)),
-        np.full((len(joint_inertia), friction_regressor.COLUMN_COUNT), np.inf))
+        *body_prior(parameters),
+        np.maximum(joint_inertia, max(_LEAST_ROTOR * float(joint_inertia.max()), 1e-6)),
+        velocity_limit, np.zeros(shape), np.full(shape, np.inf))
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,24 +217,24 @@ def bounded_problem(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return A, b of |A x − b|², and the bounds of x (`Problem.own`)."""
     structures, weights, prior, regularization = problem
-    n, k, _ = factors.shape
     p, own = prior.count, problem.own
-    size = own[-1][1].stop
-    A, b = np.zeros((n * k + size, size)), np.zeros(n * k + size)
+    size, z = own[-1][1].stop, np.eye(factors.shape[-1])
     low, high = np.full(size, -np.inf), np.full(size, np.inf)
+    W, mean, groups = np.zeros((size, size)), np.zeros(size), []
+    W[:p, :p], mean[:p] = np.sqrt(regularization) * prior.rows, prior.parameters
     for j, (columns, part) in enumerate(own):
-        rows = slice(j * k, (j + 1) * k)
-        root = np.sqrt(weights[j]) * factors[j]
-        A[rows, :p], A[rows, part], b[rows] = root[:, :p], root[:, columns], root[:, -1]
-        A[n * k:, part][part] = np.diag(prior.friction[j, columns - p])
-        A[n * k + part.start, part.start] = np.sqrt(regularization) / prior.inertia[j]
+        linear = z[:, :p] @ np.eye(p, size)
+        linear[columns, part] = np.eye(len(columns))
+        groups.append(Rows(factors[j], 1.0, z[-1], linear))
+        W[part, part] = np.diag(prior.friction[j, columns - p])
+        W[part.start, part.start] = np.sqrt(regularization) / prior.inertia[j]
         # a joint may have two columns of dry friction, which together have the bound
         count = max(structures[j].dry_count, 1)
         high[part] = prior.largest[j, columns - p] / np.where(
             np.isin(columns - p, friction_regressor.DRY), count, 1)
         low[part] = np.where(np.isin(columns - p, friction_regressor.OFFSET), -high[part], 0.0)
-    A[n * k:n * k + p, :p] = np.sqrt(regularization) * prior.rows
-    b[n * k:n * k + p] = np.sqrt(regularization) * prior.rows @ prior.parameters
+    variances = np.divide(1.0, weights, out=np.full_like(weights, np.inf), where=weights > 0.0)
+    A, b, _ = stacked(groups, np.zeros(size), variances, W, mean)
     return A, b, low, high
 
 

@@ -139,8 +139,8 @@ class FilteredArmMotion:
 
     def with_gain(self, drive_gain: FloatArray | None) -> FilteredMotion:
         """Return the motion, its effort multiplied by the gains of the drives (n,)."""
-        return self.motion if drive_gain is None else replace(
-            self.motion, effort=self.motion.measured_effort * drive_gain)
+        return self.motion if drive_gain is None else self.motion.with_efforts(
+            lambda effort: effort * drive_gain)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +157,16 @@ class Reduction:
     drive_gain: FloatArray | None = None
     keeps_payload: bool = False
 
+    def __call__(self, recording: FilteredArmMotion) -> QrInformation:
+        """
+        Return the information in the training samples of a recording.
+
+        Raises RecordingError without effort, InvalidInputError with too few samples.
+        """
+        return reduce_motion(
+            recording.arm, recording.with_gain(self.drive_gain), recording.train_fraction,
+            self.reference, self.keeps_payload)
+
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
@@ -170,14 +180,34 @@ class Evaluation:
     drive_gain: FloatArray | None = None
     keeps_samples: bool = False
 
+    def __call__(self, recording: FilteredArmMotion) -> 'EvaluatedRecording':
+        """Return the tests of the models on a recording."""
+        arm, motion = recording.arm, recording.with_gain(self.drive_gain)
+        effort, recorded = motion.measured_effort, motion.recorded_effort
+        first = train_count(motion, recording.train_fraction)
+        part = slice(None, None, max(1, int(np.ceil(len(effort) / SHOWN))))
+        model, single = model_effort(arm, motion, self.models['consistent'])
+        samples = {name: column[first:] for name, column in motion_columns(arm, motion, {
+            'measured': effort, 'model': model, 'residual': effort - model}).items()}
+        facts = recording.facts if self.drive_gain is None else replace(
+            recording.facts, contradictions=corrected(arm, motion)[1])
+        return EvaluatedRecording(
+            facts, evaluate_motion(arm, motion, recording.train_fraction, self.models),
+            EffortSeries(*(each[part] for each in (
+                motion.times, motion.position, motion.velocity, motion.acceleration, effort,
+                effort if recorded is None else recorded, model, single)),
+                float(motion.times[first]) if first < len(motion.times) else float('nan')),
+            samples if self.keeps_samples else None)
+
 
 @dataclass(frozen=True, eq=False)
 class EffortSeries:
     """
     Measured and modelled effort over time, decimated: (m,) [s] and (m, n).
 
-    `model` is along the motion, `single` sample by sample. `test_from` is the time of the first
-    test sample [s], NaN if all samples are for training.
+    `recorded` is the measured effort before the filter, `model` is along the motion, `single`
+    sample by sample. `test_from` is the time of the first test sample [s], NaN if all samples are
+    for training.
     """
 
     times: FloatArray
@@ -185,6 +215,7 @@ class EffortSeries:
     velocity: FloatArray
     acceleration: FloatArray
     measured: FloatArray
+    recorded: FloatArray
     model: FloatArray
     single: FloatArray
     test_from: float
@@ -215,38 +246,6 @@ def prepared_motion(
     return FilteredArmMotion(arm, motion, RecordingFacts(
         motion.sample_rate_hz, motion.cutoff_hz, motion.cutoff_reason, remarks, causes,
         motion.effort_noise), train_fraction)
-
-
-def reduce_recording(recording: FilteredArmMotion, step: Reduction) -> QrInformation:
-    """
-    Return the information in the training samples of a recording.
-
-    Raises RecordingError without effort, InvalidInputError with too few samples.
-    """
-    return reduce_motion(
-        recording.arm, recording.with_gain(step.drive_gain), recording.train_fraction,
-        step.reference, step.keeps_payload)
-
-
-def evaluate_recording(recording: FilteredArmMotion, step: Evaluation) -> EvaluatedRecording:
-    """Return the tests of models on a recording."""
-    motion, train_fraction = recording.with_gain(step.drive_gain), recording.train_fraction
-    effort, first = motion.measured_effort, train_count(motion, train_fraction)
-    every = max(1, int(np.ceil(len(effort) / SHOWN)))
-    model, single = model_effort(recording.arm, motion, step.models['consistent'])
-    efforts = {'measured': effort, 'model': model, 'residual': effort - model}
-    samples = {name: column[first:] for name, column in motion_columns(
-        recording.arm, motion, efforts).items()}
-    test_from = float(motion.times[first]) if first < len(motion.times) else float('nan')
-    facts = recording.facts if step.drive_gain is None else replace(
-        recording.facts, contradictions=corrected(recording.arm, motion)[1])
-    return EvaluatedRecording(
-        facts, evaluate_motion(recording.arm, motion, train_fraction, step.models),
-        EffortSeries(
-            motion.times[::every], motion.position[::every], motion.velocity[::every],
-            motion.acceleration[::every], effort[::every], model[::every], single[::every],
-            test_from),
-        samples if step.keeps_samples else None)
 
 
 def write_samples(

@@ -14,18 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction
 from robot_dynamics.joints.parameter_field import ParameterField
-from robot_dynamics_tools.identification import friction_regressor
+from robot_dynamics_tools.identification import drive_gains, friction_regressor
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
-from robot_dynamics_tools.identification.drive_gains import (
-    GainEstimate,
-    MASS_ERROR,
-    other_unit,
-)
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
 from robot_dynamics_tools.identification.pipeline import Identification, Observability
 from robot_dynamics_tools.identification.recording_agreement import factor_of
-from robot_dynamics_tools.reporting.text_table import percent, Rows
+from robot_dynamics_tools.reporting.text_table import cells, column_rows, percent, Rows
 
 MODELS = {
     'urdf': 'URDF', 'urdf and friction': 'URDF + friction', 'base': 'base parameters',
@@ -112,24 +107,21 @@ def residual_title(identification: Identification) -> str:
 def residual_rows(identification: Identification) -> Rows:
     """Return the residual of the models on samples that were not used for training."""
     tests = identification.tests
-    rows: Rows = [('joint', *MODELS.values(), 'sample by sample')]
-    for j, name in enumerate(identification.arm.joint_names):
-        rows.append((
-            name, *(percent(tests[model].relative()[j]) for model in MODELS),
-            percent(tests['consistent'].relative('test_by_sample')[j])))
-    return rows
+    return column_rows(
+        'joint', identification.arm.joint_names,
+        *((title, map(percent, tests[model].relative())) for model, title in MODELS.items()),
+        ('sample by sample', map(percent, tests['consistent'].relative('test_by_sample'))))
 
 
 def friction_rows(identification: Identification) -> Rows:
     """Return friction and rotor of each joint."""
     arm, fit = identification.arm, identification.models.consistent
     friction = fitted_friction(arm, fit)
-    shown = [field for field in FRICTION_FIELDS if field.heading]
-    rows: Rows = [('joint', *(field.heading for field in shown), 'reflected inertia')]
-    for j, name in enumerate(arm.joint_names):
-        rows.append((name, *(_friction_cell(field, friction, j) for field in shown),
-                     f'{fit.joint_values[j, friction_regressor.INERTIA]:.4g}'))
-    return rows
+    return column_rows(
+        'joint', arm.joint_names,
+        *((field.heading, [_friction_cell(field, friction, j) for j in range(arm.joint_count)])
+          for field in FRICTION_FIELDS if field.heading),
+        ('reflected inertia', cells(fit.joint_values[:, friction_regressor.INERTIA], '.4g')))
 
 
 def _friction_cell(field: ParameterField, friction: JointFriction, joint: int) -> str:
@@ -139,19 +131,20 @@ def _friction_cell(field: ParameterField, friction: JointFriction, joint: int) -
     return f'{value:.4g}' if field.unit else percent(value)
 
 
-def gain_rows(identification: Identification, gains: GainEstimate) -> Rows:
+def gain_rows(identification: Identification, gains: drive_gains.GainEstimate) -> Rows:
     """Return the drive gains."""
-    rows: Rows = [('joint', 'gain K', 'deviation', 'by noise only', '')]
-    for j, name in enumerate(identification.arm.joint_names):
-        rows.append((
-            name, f'{gains.gain[j]:.4g}', f'{gains.deviation[j]:.2g}',
-            f'{gains.noise[j]:.2g}',
-            ('sign by friction, no size: -1 is used' if gains.is_reversed[j] else
-             'not identifiable: 1 is used') if not gains.is_known[j] else
-            '; '.join(text for text, is_so in (
-                ('the effort has the opposite sign', gains.is_reversed[j]),
-                ('confounded with the masses of the URDF', gains.is_confounded[j])) if is_so)))
-    return rows
+    def note(j: int) -> str:
+        if not gains.is_known[j]:
+            return ('sign by friction, no size: -1 is used' if gains.is_reversed[j]
+                    else 'not identifiable: 1 is used')
+        return '; '.join(text for text, is_so in (
+            ('the effort has the opposite sign', gains.is_reversed[j]),
+            ('confounded with the masses of the URDF', gains.is_confounded[j])) if is_so)
+
+    return column_rows(
+        'joint', identification.arm.joint_names,
+        ('gain K', cells(gains.gain, '.4g')), ('deviation', cells(gains.deviation, '.2g')),
+        ('by noise only', cells(gains.noise, '.2g')), ('', map(note, range(len(gains.gain)))))
 
 
 def warnings(identification: Identification) -> list[str]:
@@ -173,7 +166,7 @@ def observable_lines(found: Observability) -> list[str]:
                 for name, is_known in zip(found.arm.joint_names, found.gains.is_known)])]
 
 
-def not_separable(identification: Identification | Observability) -> dict[str, tuple[str, ...]]:
+def not_separable(identification: Observability) -> dict[str, tuple[str, ...]]:
     """Return the friction parameters that were left out, by joint, for joints with effort."""
     information = identification.information
     return {
@@ -182,7 +175,7 @@ def not_separable(identification: Identification | Observability) -> dict[str, t
         if information.is_measured[j] and information.excitation.left_out(j)}
 
 
-def _of_friction(identification: Identification | Observability) -> Iterator[str]:
+def _of_friction(identification: Observability) -> Iterator[str]:
     names = identification.arm.joint_names
     excitation = identification.information.excitation
     structures = identification.models.problem.structures
@@ -225,7 +218,7 @@ def _of_bounds(identification: Identification) -> Iterator[str]:
             f'{without} instead of {text}')
 
 
-def _of_excitation(identification: Identification | Observability) -> Iterator[str]:
+def _of_excitation(identification: Observability) -> Iterator[str]:
     estimate = identification.estimate
     if estimate.condition > ILL_CONDITIONED:
         yield (f'the condition number of the base parameters is {estimate.condition:.3g}, above '
@@ -274,9 +267,9 @@ def _of_effort(identification: Identification) -> Iterator[str]:
             names, gains.is_confounded & gains.is_known) if is_confounded]
         if confounded:
             yield (f'drive gains of {", ".join(confounded)} are confounded with the masses of the '
-                   f'URDF, of which an error of {100.0 * MASS_ERROR:g} % is assumed: to determine '
-                   'them, record the arm with and without a weighed load, and give the load with '
-                   '--payload RECORDING:LINK=KG,X,Y,Z')
+                   f'URDF, of which an error of {100.0 * drive_gains.MASS_ERROR:g} % is assumed: '
+                   'to determine them, record the arm with and without a weighed load, and give '
+                   'the load with --payload RECORDING:LINK=KG,X,Y,Z')
         unknown = [name for name, known in zip(names, gains.is_known) if not known]
         if unknown:
             yield (f'drive gain not identifiable for {", ".join(unknown)}: gravity load too small '
@@ -284,7 +277,7 @@ def _of_effort(identification: Identification) -> Iterator[str]:
                    'stays in the unit of the recording')
         return
     if identification.seeming_gains.is_off.any():
-        yield other_unit(names, identification.seeming_gains)
+        yield drive_gains.other_unit(names, identification.seeming_gains)
 
 
 def contradiction_lines(found: BagIdentification) -> list[str]:

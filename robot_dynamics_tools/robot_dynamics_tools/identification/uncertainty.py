@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.arrays import column_scale, FloatArray
 from robot_dynamics.model.base_parameters import BaseParameters
+from robot_dynamics_tools.estimation import effort_fit
 from robot_dynamics_tools.identification.friction_regressor import COLUMN_NAMES, INERTIA
 from robot_dynamics_tools.identification.qr_information import QrInformation
 from robot_dynamics_tools.identification.regularized_fit import Prior, Problem
-from robot_dynamics_tools.least_squares import decomposed
 
 UNEXCITED = 1.0
 """
@@ -67,47 +67,34 @@ def estimate_parameters(
 
     `base` are the base parameters of φ and the rotors' reflected inertia, which follow φ.
     """
-    n, prior = len(information.joint_names), problem.prior
-    factors = information.together()
-    rows = float(information.rows.sum())
-    samples = information.samples_per_independent_sample
-    is_measured = information.is_measured
-    weights = np.where(is_measured, 1.0, 0.0)
+    n, prior, r = len(information.joint_names), problem.prior, base.rank
+    joints = np.flatnonzero(information.is_measured).tolist()
+    counts = float(information.rows.sum()) / information.samples_per_independent_sample
     blocks, names = _columns(information, base, problem)
-    r = base.rank
-    for _ in range(4):
-        A, b = _weighted(factors, blocks, weights)
-        found = decomposed(A, 1e-10)
-        x = found.inverse @ b
-        squares = np.array([
-            float(np.sum((factors[j] @ (blocks[j] @ x) - factors[j][:, -1])**2))
-            for j in range(n)])
-        free = np.maximum(rows - samples * len(x) / n, 1.0)
-        sigma = np.sqrt(np.maximum(squares / free, 1e-30))
-        weights = np.where(is_measured, 1.0 / (sigma**2 * samples), 0.0)
-    noise = np.linalg.norm(found.back, axis=1)
-    parts = [_weighted(information.all_but(i), blocks, weights) for i in information.folds]
-    changes = np.array([decomposed(A_i, 1e-10).inverse @ b_i - x for A_i, b_i in parts])
+    effort, W = np.eye(len(blocks[0]))[-1], np.zeros((0, len(names)))
+
+    def groups(factors: FloatArray) -> list[effort_fit.Rows]:
+        return [effort_fit.Rows(factors[j], counts[j], effort, blocks[j]) for j in joints]
+
+    fit = effort_fit.fit_effort(groups(information.together()), np.zeros(len(names)),
+                     np.ones(len(joints)), lambda _: W)
+    x, is_lost = fit.values, fit.solution.is_lost
+    noise = np.linalg.norm(fit.solution.back, axis=1)
+    parts = [effort_fit.stacked(groups(information.all_but(i)), x, fit.variances, W, x)
+             for i in information.folds]
+    changes = np.array([effort_fit.decomposed(A).inverse @ b for A, b, _ in parts])
     jackknife = np.sqrt((changes**2).sum(axis=0) * (1.0 - 1.0 / len(parts)))
-    known = ~found.is_lost & (noise > 0.0)
+    known = ~is_lost & (noise > 0.0)
     widening = max(float(np.median(jackknife[known] / noise[known])), 1.0) if known.any() else 1.0
-    deviations = np.where(found.is_lost, np.inf, np.maximum(widening * noise, jackknife))
+    deviations = np.where(is_lost, np.inf, np.maximum(widening * noise, jackknife))
+    A, _, _ = effort_fit.stacked(groups(information.together()), x, fit.variances, W, x)
     s_base = np.linalg.svd(A[:, :r] * column_scale(A[:, :r]), compute_uv=False)
     size = _scale_of(base, prior, n)
     before = np.concatenate([
         base.matrix @ np.concatenate([prior.parameters, np.zeros(n)]), np.zeros(len(x) - r)])
     excited = np.concatenate([deviations[:r] < UNEXCITED * size, np.isfinite(deviations[r:])])
-    condition = float(s_base[0] / s_base[-1]) if s_base[-1] > 0.0 else np.inf
+    condition = float(s_base[0] / s_base[-1]) if s_base.all() and joints else np.inf
     return ParameterEstimate(names, x, deviations, before, r, condition, excited)
-
-
-def _weighted(
-    factors: FloatArray, blocks: list[FloatArray], weights: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return A and b of the weighted least squares of factors R (n, k, k)."""
-    A = [np.sqrt(w) * R @ block for w, R, block in zip(weights, factors, blocks)]
-    return np.concatenate(A), np.concatenate([
-        np.sqrt(w) * R[:, -1] for w, R in zip(weights, factors)])
 
 
 def _columns(

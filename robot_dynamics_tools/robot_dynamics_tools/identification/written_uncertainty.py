@@ -30,16 +30,18 @@ from robot_dynamics.model.effort_deviation import EffortDeviation, make_uncertai
 from robot_dynamics.model.regressor import random_states
 from robot_dynamics.validation import lower_triangle
 from robot_dynamics_tools.analysis.motion_filter import noise_bandwidth
+from robot_dynamics_tools.estimation.effort_fit import decomposed
 from robot_dynamics_tools.identification.friction_regressor import FRICTION_COLUMNS
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.pipeline import base_parameters_of, Identification
 from robot_dynamics_tools.identification.regularized_fit import bounded_problem
-from robot_dynamics_tools.least_squares import decomposed
 
 LARGEST_REGULARIZATION = 1.0
 POSES = 200
 COVERAGE = 0.9545
 """Share of the recorded samples within 2 σ: that of a normal distribution."""
+SHARP_PART = 0.6
+"""Weight of the effort before the filter in the friction at rest, which has sharper peaks."""
 THIRDS = 1.0 / 3.0, 2.0 / 3.0
 """Shares of the recorded samples that are slow, and that are not fast."""
 GRAVITIES = ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (0.0, 9.81, 0.0), (0.0, 0.0, 9.81))
@@ -49,18 +51,11 @@ GRAVITIES = ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (0.0, 9.81, 0.0), (0.0, 0.0, 9.8
 def uncertainty_values(identification: Identification) -> dict[str, Any]:
     """Return the parameters `uncertainty.…` of `dynamics_node`, by name."""
     names, covariance = parameter_covariance(identification)
-    noise, friction, velocity, largest = recorded_deviations(identification)
     return {
         'uncertainty.parameters': list(names),
         'uncertainty.covariance': lower_triangle(covariance),
-        'uncertainty.noise_deviation': noise.tolist(),
-        'uncertainty.friction_deviation': friction.tolist(),
-        'uncertainty.friction_velocity': velocity.tolist(),
-        'uncertainty.largest_velocity': largest.tolist(),
-        'uncertainty.noise_bandwidth': min(
-            noise_bandwidth(recording.facts.cutoff_hz, recording.facts.rate_hz)
-            for recording in identification.recordings),
-    }
+        **{f'uncertainty.{name}': values.tolist()
+           for name, values in recorded_deviations(identification).items()}}
 
 
 def holding_deviation(identification: Identification) -> FloatArray:
@@ -75,32 +70,45 @@ def holding_deviation(identification: Identification) -> FloatArray:
     return np.asarray(np.sqrt((errors**2).sum(axis=2).mean(axis=0)))
 
 
-def recorded_deviations(
-    identification: Identification,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def recorded_deviations(identification: Identification) -> dict[str, FloatArray]:
     """
     Return the deviations of noise and of friction at rest, its velocity, and the largest, (n,).
 
-    The residuals are those at single states, because the node knows no motion before a state.
+    The residuals are those at single states, because the node knows no motion before a state. The
+    noise of the effort before the filter has the bandwidth of the samples: that of the noise is
+    such that it counts as white up to there.
     """
     deviation = _model_deviation(identification)
     shown = [recording.shown for recording in identification.recordings]
-    variance = np.concatenate([  # without that by the covariance, which samples for training lack
-        0.25 * (each.measured - each.single)**2
-        - (each.times >= each.test_from)[:, np.newaxis] * (deviation.errors(
-            each.position, each.velocity, each.acceleration)**2).sum(axis=2)
-        for each in shown])
+    known = [  # the covariance, which samples for training lack
+        (each.times >= each.test_from)[:, np.newaxis] * (deviation.errors(
+            each.position, each.velocity, each.acceleration)**2).sum(axis=2) for each in shown]
     speed = np.abs(np.concatenate([each.velocity for each in shown]))
     slow, fast = np.quantile(speed, THIRDS, axis=0)
+    left = np.maximum(1.0 - speed / np.maximum(fast, 1e-12), 1e-3)
 
     def covered(values: FloatArray, is_part: BoolArray) -> FloatArray:
         return np.maximum([np.quantile(own[rows], COVERAGE)
                            for own, rows in zip(values.T, is_part.T)], 0.0)
 
-    noise = covered(variance, speed >= fast)
-    left = np.maximum(1.0 - speed / np.maximum(fast, 1e-12), 1e-3)
-    friction = covered((variance - noise) / left**2, speed <= slow)
-    return np.sqrt(noise), np.sqrt(friction), fast, speed.max(axis=0)
+    behind, before = (np.concatenate([
+        0.25 * (getattr(each, name) - each.single)**2 - of_model
+        for each, of_model in zip(shown, known)]) for name in ('measured', 'recorded'))
+    noise = covered(behind, speed >= fast)
+    friction, sharp = (
+        covered((variance - covered(variance, speed >= fast)) / left**2, speed <= slow)
+        for variance in (behind, before))
+    friction = (1.0 - SHARP_PART) * friction + SHARP_PART * sharp
+    wide = covered(before - friction * left**2, speed >= 0.0)
+    facts = [recording.facts for recording in identification.recordings]
+    band = min(noise_bandwidth(each.cutoff_hz, each.rate_hz) for each in facts)
+    ratio = np.divide(noise, wide, out=np.ones_like(noise), where=wide > 0.0)
+    return {
+        'noise_deviation': np.sqrt(noise),
+        'noise_bandwidth': np.maximum(
+            0.5 * facts[0].rate_hz * min(float(np.median(ratio)), 1.0), band),
+        'friction_deviation': np.sqrt(friction), 'friction_velocity': fast,
+        'largest_velocity': speed.max(axis=0)}
 
 
 def _model_deviation(identification: Identification) -> EffortDeviation:

@@ -22,8 +22,8 @@ from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.model.regressor import LoadRegressor
 from robot_dynamics.validation import LARGEST_VALUE
+from robot_dynamics_tools.estimation import priors
 from robot_dynamics_tools.payload_estimation.information import solve
-from robot_dynamics_tools.payload_estimation.pairing import pair_rests
 from robot_dynamics_tools.payload_estimation.result import make_result, PayloadEstimate
 from robot_dynamics_tools.payload_estimation.rows import (
     Column,
@@ -31,11 +31,7 @@ from robot_dynamics_tools.payload_estimation.rows import (
     RowBuilder,
     SLIDING_VELOCITY,
 )
-from robot_dynamics_tools.unknown_drives import (
-    GIVEN_DEVIATION,
-    SCALE_DEVIATION,
-    unknown_drives,
-)
+from robot_dynamics_tools.payload_estimation.variance_groups import pair_rests
 
 SHORTEST_BLOCK = 0.1
 """[s]"""
@@ -68,7 +64,7 @@ class PayloadEstimator:
             raise InvalidInputError(f'cutoff_hz is {cutoff_hz:g}, expected a number > 0')
         self.arm, self.link = arm, link
         self._scale_deviation = scale_deviation if scale_deviation is not None else (
-            SCALE_DEVIATION if arm.report is None else GIVEN_DEVIATION)
+            priors.SCALE_DEVIATION if arm.report is None else priors.GIVEN_DEVIATION)
         self._regressor = LoadRegressor(arm, link)
         dynamics = ArmDynamics(arm)
         self._dynamics = dynamics.unchecked
@@ -148,7 +144,7 @@ class PayloadEstimator:
         report, prior = self.arm.given_report, 0.0
         if report.covariance is None:
             prior = self._scale_deviation
-            report = replace(report, covariance=unknown_drives(report.scale, scale, prior))
+            report = replace(report, covariance=priors.unknown_drives(report.scale, scale, prior))
         solution = solve(rows, rests, band, scale, report.torque_error_covariance())
         return make_result(
             self.arm, self.link, solution, rows, rests, band, self._block, self._position,

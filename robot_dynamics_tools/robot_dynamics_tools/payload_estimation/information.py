@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Weighted least squares in information form, with variances that are estimated from the residuals.
+The unknowns of a payload estimate, their prior, and the fit (`effort_fit`).
 
 The unknowns are π (10,) of the load; for each joint an error of the viscous and of the dry
 friction of the model, and the mean dry friction of its single rests in the direction of approach;
@@ -12,8 +12,8 @@ or of drives that were not calibrated (the scale multiplies the modelled effort,
 measured effort, noise would favour small scales);
 the errors of the model, as independent unknowns with the deviation 1 (`ModelUncertainty.root`).
 
-The rows form groups with a variance each (`variance_groups`): Λ = Σ_g Λ_g / σ_g², with σ_g² from
-the residuals of the group and its degrees of freedom.
+The rows form groups with a variance each (`variance_groups`), from the residuals of
+the group and its degrees of freedom.
 
 The mean friction at rest has the prior deviation F. Without this unknown, friction that supports
 the load in every hold, as in an arm that sags, would count as independent errors.
@@ -24,11 +24,10 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.pseudo_inertia import COUNT
-from robot_dynamics_tools.estimated_weights import estimated_weights, NORMAL
+from robot_dynamics_tools.estimation.effort_fit import fit_effort, NORMAL
 from robot_dynamics_tools.payload_estimation import variance_groups
-from robot_dynamics_tools.payload_estimation.pairing import RestRows
 from robot_dynamics_tools.payload_estimation.rows import Column, LoadRows
-from robot_dynamics_tools.payload_estimation.variance_groups import Group
+from robot_dynamics_tools.payload_estimation.variance_groups import Group, RestRows
 
 PRIOR_DEVIATION = 100.0
 """Deviation [kg, kg·m, kg·m²] of the parameters without data: no restriction."""
@@ -40,8 +39,7 @@ EXPECTED_NOISE = 0.003
 """Deviation of an expected observation without friction, relative to the effort limit."""
 EXPECTED_FRICTION = 0.1
 """Expected error of the friction in motion, relative to dry friction."""
-_ITERATIONS = 12
-_EXACT = 1e-9
+_EXACT = 1e-7
 """Relative deviation of an effort scale and offset that count as exact."""
 _ROUNDING = 1e-15
 
@@ -80,71 +78,54 @@ def solve(
     """
     n = len(scale)
     groups = variance_groups.make_groups(rows, rests, band, scale)
-    variances = np.array([
+    count = variance_groups.unknown_count(n, rows.gram.shape[1])
+    drives = slice(COUNT + 3 * n + 1, COUNT + 5 * n + 1)
+    start = np.zeros(count)
+    start[drives.start:drives.start + n] = 1.0
+    exact = np.concatenate([np.full_like(scale, _EXACT), _EXACT * scale])
+    root = np.linalg.cholesky(inverse_of(np.diag(exact**2) + drive_covariance)).T
+    friction = np.maximum(band, variance_groups.LEAST_NOISE * scale)
+
+    def prior(variances: FloatArray) -> FloatArray:
+        at_rest = friction.copy()
+        for group, variance in zip(groups, variances):
+            if group.kind == 'single' and band[group.joint] == 0.0:
+                # from the scatter of its rests
+                at_rest[group.joint] = np.sqrt(variance / variance_groups.BAND_VARIANCE)
+        W = np.diag(1.0 / np.concatenate([
+            np.full(COUNT, PRIOR_DEVIATION), np.tile(FRICTION_ERROR * scale, 2), at_rest,
+            [LARGEST_DELAY], np.ones(count - COUNT - 3 * n - 1)]))
+        W[drives, drives] = root
+        return np.asarray(W)
+
+    def variances(
+        theta: FloatArray, squares: FloatArray, free: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        found, freedom = variance_groups.estimated_variances(groups, squares, free, scale)
+        return found * variance_groups.rows_per_independent_row(groups, theta), freedom
+
+    first = np.array([
         max(group.prior, (variance_groups.ASSUMED_NOISE * scale[group.joint])**2)
         for group in groups])
-    freedom = np.ones(len(groups))
-    exact = np.concatenate([np.full_like(scale, _EXACT), _EXACT * scale])
-    drive = inverse_of(np.diag(exact**2) + drive_covariance)  # of effort scales and offsets
-    count = variance_groups.unknown_count(n, rows.gram.shape[1])
-    theta, information, inverse = np.zeros(count), list[FloatArray](), inverse_of(
-        _prior_information(groups, variances, band, scale, drive, count))
-    for _ in range(_ITERATIONS if groups else 0):
-        prior = _prior_information(groups, variances, band, scale, drive, count)
-        information = [group.information(theta) for group in groups]
-        inverse = inverse_of(prior + sum(A / s for A, s in zip(information, variances)))
-        theta = inverse @ sum(
-            group.right_side(theta) / s for group, s in zip(groups, variances))
-        squares = np.array([group.squares(theta) for group in groups])
-        free = np.array([
-            max(group.count - float(np.sum(inverse * A)) / s, 0.0)
-            for group, A, s in zip(groups, information, variances)])
-        variances, freedom = variance_groups.estimated_variances(groups, squares, free, scale)
-        variances = variances * variance_groups.rows_per_independent_row(groups, theta)
-    covariance = inverse[:COUNT, :COUNT]
-    effort = sum((group.right_side(theta, Column.EFFORT) / s
-                  for group, s in zip(groups, variances)), np.zeros_like(theta))
-    deviations = np.sqrt(np.diag(covariance)) * _widening(inverse, information, variances, freedom)
-    mean_friction = np.diag(inverse)[COUNT + 2 * n:COUNT + 3 * n]
-    return Solution(theta[:COUNT], covariance, deviations, 0.01 * (inverse @ effort)[:COUNT],
-                    _expected(groups, variances, scale, band, mean_friction),
-                    _relative_residual(groups, theta, n), _part_of_drives(inverse, n))
-
-
-def _part_of_drives(inverse: FloatArray, n: int) -> FloatArray:
-    """Return the parts (10,) of the variances of π that known drives would remove."""
-    drives = slice(COUNT + 3 * n + 1, COUNT + 5 * n + 1)
-    A = inverse[:COUNT, drives]
-    removed = np.einsum('ij,jk,ik->i', A, inverse_of(inverse[drives, drives]), A)
-    return np.asarray(removed / np.diag(inverse)[:COUNT])
-
-
-def _relative_residual(groups: list[Group], theta: FloatArray, n: int) -> FloatArray:
-    squares, power = np.zeros((2, n))
-    for group in groups:
-        squares[group.joint] += group.squares(theta)
-        power[group.joint] += group.gram[Column.EFFORT, Column.EFFORT]
-    return np.asarray(np.sqrt(np.divide(
-        squares, power, out=np.full(n, np.nan), where=power > 0.0)))
-
-
-def _prior_information(
-    groups: list[Group], variances: FloatArray, band: FloatArray, scale: FloatArray,
-    drive: FloatArray, count: int,
-) -> FloatArray:
-    """Return the information matrix (count, count) of the unknowns without data."""
-    friction = np.maximum(band, variance_groups.LEAST_NOISE * scale)**2
-    for group, variance in zip(groups, variances):
-        if group.kind == 'single' and band[group.joint] == 0.0:  # from the scatter of its rests
-            friction[group.joint] = variance / variance_groups.BAND_VARIANCE
-    information = np.eye(count)
-    single = 1.0 / np.concatenate([
-        np.full(COUNT, PRIOR_DEVIATION**2), np.tile((FRICTION_ERROR * scale)**2, 2), friction,
-        [LARGEST_DELAY**2]])
-    information[:len(single), :len(single)] = np.diag(single)
-    end = len(single) + len(drive)
-    information[len(single):end, len(single):end] = drive
-    return information
+    fit = fit_effort([group.rows for group in groups], start, first, prior, variances)
+    effort = np.zeros(len(fit.group))
+    power, squares = np.zeros((2, n))
+    for i, (group, variance) in enumerate(zip(groups, fit.variances)):
+        column = group.rows.factor[:, Column.EFFORT]
+        effort[fit.group == i] = column / np.sqrt(variance)
+        power[group.joint] += column @ column
+        squares[group.joint] += group.rows.squares(fit.values)
+    covariance = fit.covariance
+    A = covariance[:COUNT, drives]
+    of_drives = np.einsum('ij,jk,ik->i', A, inverse_of(covariance[drives, drives]), A)
+    return Solution(
+        fit.values[:COUNT], covariance[:COUNT, :COUNT],
+        fit.spread(np.eye(COUNT, count)).interval / NORMAL,
+        0.01 * (fit.solution.inverse @ effort)[:COUNT],
+        _expected(groups, fit.variances, scale, band,
+                  np.diag(covariance)[COUNT + 2 * n:COUNT + 3 * n]),
+        np.sqrt(np.divide(squares, power, out=np.full(n, np.nan), where=power > 0.0)),
+        of_drives / np.diag(covariance)[:COUNT])
 
 
 def inverse_of(A: FloatArray) -> FloatArray:
@@ -157,21 +138,6 @@ def inverse_of(A: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(A * scale[..., :, None] * scale[..., None, :])
     roots = scale[..., :, None] * vectors / np.sqrt(np.maximum(values, _ROUNDING))[..., None, :]
     return np.asarray(roots @ np.swapaxes(roots, -1, -2))
-
-
-def _widening(
-    inverse: FloatArray, information: list[FloatArray], variances: FloatArray,
-    freedom: FloatArray,
-) -> FloatArray:
-    """Return the factors (10,) by which few residuals enlarge the deviations."""
-    if not information:
-        return np.ones(COUNT)
-    total = np.diag(inverse)[:COUNT]
-    parts = np.clip([
-        np.diag(inverse @ (A / s) @ inverse)[:COUNT] for A, s in zip(information, variances)],
-        0.0, total)  # the rest is that of the prior
-    weighting, interval = estimated_weights(parts / total, freedom)
-    return np.asarray(weighting * interval / NORMAL)
 
 
 def _expected(

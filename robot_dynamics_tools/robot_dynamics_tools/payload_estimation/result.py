@@ -16,8 +16,8 @@ from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent, NAMES
 from robot_dynamics.model.regressor import LoadRegressor, random_states
 from robot_dynamics_tools.payload_estimation.advice import advise, Knowledge
 from robot_dynamics_tools.payload_estimation.information import inverse_of, Solution
-from robot_dynamics_tools.payload_estimation.pairing import RestRows
 from robot_dynamics_tools.payload_estimation.rows import LoadRows
+from robot_dynamics_tools.payload_estimation.variance_groups import RestRows
 
 UNITS = ('kg', *('kg·m',) * 3, *('kg·m²',) * 6)
 OBSERVABLE, UNOBSERVABLE = 'observable', 'not observable'

@@ -4,6 +4,11 @@
 """
 The observations in groups with a common variance, and these variances from the residuals.
 
+A joint that stops while it moves in the positive direction keeps friction of one sign, and one
+that stops from the other side keeps friction of the other sign. The average of a pair of such
+rests does not depend on dry friction of equal size. A rest without a partner has the whole band of
+friction, of the sign of its approach.
+
 A group has the rows of one joint and one kind: blocks of motion, paired rests, or single rests.
 Few residuals determine a variance poorly. It is therefore combined with a prior: that of dry
 friction within the known band ± F, or the variance of the other joints relative to their effort
@@ -11,15 +16,18 @@ limits. Blocks whose residuals are correlated with the next block count less, by
 (1 − ρ) / (1 + ρ).
 """
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.model.pseudo_inertia import COUNT
-from robot_dynamics_tools.payload_estimation.pairing import RestRows
-from robot_dynamics_tools.payload_estimation.rows import Column, COLUMNS, LoadRows
+from robot_dynamics_tools.estimation.effort_fit import Rows
+from robot_dynamics_tools.payload_estimation.rows import Column, COLUMNS, LoadRows, Rest
 
+PAIR_DISTANCE = 0.5
+"""Largest distance [rad] or [m] of every joint between the two rests of a pair."""
 LEAST_NOISE = 1e-5
 """Smallest deviation of an observation, relative to the effort limit: resolution of efforts."""
 ASSUMED_NOISE = 0.01
@@ -36,79 +44,82 @@ _ASSUMED_WEIGHT, _PAIRED_WEIGHT = 0.01, 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
-    """Rows of one of n joints: `gram` is Σ w z zᵀ; `prior`, `prior_weight` are of the variance."""
+class RestRows:
+    """
+    The observations at rest, k of them.
 
-    n: int
+    `joint` (k,), `row` (k, c), whose SIGN is the direction of approach, `paired` (k,),
+    `weight` (k,) in (0, 1]: parts of one uninterrupted rest share the weight of one observation,
+    because friction may be the same.
+    `noise` (k,) is the variance of the average due to noise between samples.
+    """
+
+    joint: IntArray
+    row: FloatArray
+    paired: BoolArray
+    weight: FloatArray
+    noise: FloatArray
+
+
+def pair_rests(rests: Sequence[Rest], independent_interval: float) -> RestRows:
+    """
+    Return the observations at rest, each rest in at most one pair.
+
+    Samples `independent_interval` [s] apart are independent.
+    """
+    groups: list[tuple[Rest, ...]] = []
+    for joint in sorted({rest.joint for rest in rests}):
+        groups += _pairs_and_others([rest for rest in rests if rest.joint == joint])
+    stays = Counter((rest.joint, rest.stay) for rest in rests)
+
+    def noise(group: tuple[Rest, ...]) -> float:
+        return float(np.mean([
+            rest.variance / max(rest.duration / independent_interval, 1.0)
+            for rest in group])) / len(group)
+
+    return RestRows(
+        np.array([group[0].joint for group in groups], dtype=np.intp),
+        np.array([np.mean([rest.row for rest in group], axis=0) for group in groups])
+        if groups else np.zeros((0, COLUMNS)),
+        np.array([len(group) == 2 for group in groups], dtype=np.bool_),
+        np.array([1.0 / max(stays[rest.joint, rest.stay] for rest in group)
+                  for group in groups]),
+        np.array([noise(group) for group in groups]))
+
+
+def _pairs_and_others(rests: Sequence[Rest]) -> list[tuple[Rest, ...]]:
+    """Return pairs of opposite approaches, nearest first, and the rests without a partner."""
+    ups, downs = ([i for i, rest in enumerate(rests) if rest.approach == side] for side in (1, -1))
+    position = np.array([rest.position for rest in rests])
+    distance = np.abs(position[ups, None] - position[None, downs]).max(axis=2)
+    near = sorted((float(distance[i, k]), ups[i], downs[k])
+                  for i, k in np.argwhere(distance <= PAIR_DISTANCE).tolist())
+    used: set[int] = set()
+    groups: list[tuple[Rest, ...]] = []
+    for _, i, k in near:
+        if not {i, k} & used:
+            used |= {i, k}
+            groups.append((rests[i], rests[k]))
+    return groups + [(rest,) for i, rest in enumerate(rests) if i not in used]
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """
+    Rows of one joint and kind: their model, and a `prior` of the variance of some weight.
+
+    `lagged` (c, c) is Σ z₁ z₂ᵀ of consecutive rows, of which there are `pairs`.
+    """
+
     joint: int
     kind: str
-    gram: FloatArray
-    count: float
+    rows: Rows
     prior: float
     prior_weight: float
     least: float
     band: float = 0.0
     lagged: FloatArray | None = None
     pairs: float = 0.0
-
-    @cached_property
-    def _places(self) -> tuple[list[int], list[int]]:
-        """The unknowns of the group, and their columns in its rows."""
-        n, scale_error = self.n, COUNT + 3 * self.n + 1 + self.joint
-        model_errors = range(COLUMNS, len(self.gram))
-        unknowns = [*range(COUNT), scale_error, scale_error + n, *(
-            unknown_count(n) + i for i in range(len(model_errors)))]
-        columns = [*range(COUNT), Column.RIGID, Column.ONE, *model_errors]
-        if self.kind == 'motion':
-            unknowns += [COUNT + self.joint, COUNT + n + self.joint, COUNT + 3 * n]
-            columns += [Column.VELOCITY, Column.SIGN, Column.RATE]
-        elif self.kind == 'single':
-            unknowns.append(COUNT + 2 * n + self.joint)
-            columns.append(Column.SIGN)
-        return unknowns, columns
-
-    def _slope(self, theta: FloatArray) -> FloatArray:
-        """
-        Return M (unknowns, c): M z are the derivatives of the modelled residual of a row z.
-
-        The measured effort is (1 + ε) (τ + Y π) + …, with the effort τ of the URDF.
-        """
-        unknowns, columns = self._places
-        M = np.zeros((unknown_count(self.n, len(self.gram)), len(self.gram)))
-        M[unknowns, columns] = 1.0
-        error = unknowns[COUNT]
-        M[:COUNT] *= 1.0 + theta[error]
-        M[error, :COUNT] = theta[:COUNT]
-        return M
-
-    def information(self, theta: FloatArray) -> FloatArray:
-        """Return the information matrix of all unknowns at `theta`, for a variance of 1."""
-        M = self._slope(theta)
-        return np.asarray(M @ self.gram @ M.T)
-
-    def right_side(self, theta: FloatArray, column: int | None = None) -> FloatArray:
-        """
-        Return the right side of the normal equations at `theta`, for a variance of 1.
-
-        They are those of a column, None for the residual of the URDF, for a step of Gauss–Newton.
-        """
-        target = np.zeros(len(self.gram))
-        target[Column.RESIDUAL if column is None else column] = 1.0
-        if column is None:
-            target[:COUNT] = theta[self._places[0][COUNT]] * theta[:COUNT]
-        return np.asarray(self._slope(theta) @ self.gram @ target)
-
-    def residual_form(self, theta: FloatArray) -> FloatArray:
-        """Return u (c,) with u·z the residual of a row z."""
-        u = -self._slope(theta).T @ theta
-        u[:COUNT] += theta[self._places[0][COUNT]] * theta[:COUNT]
-        u[Column.RESIDUAL] = 1.0
-        return np.asarray(u)
-
-    def squares(self, theta: FloatArray) -> float:
-        """Return the sum of the squared residuals."""
-        u = self.residual_form(theta)
-        return max(float(u @ self.gram @ u), 0.0)
 
 
 def make_groups(
@@ -119,8 +130,8 @@ def make_groups(
         least = (LEAST_NOISE * scale[j])**2
         if rows.count[j]:
             groups.append(Group(
-                n, j, 'motion', rows.gram[j], rows.count[j], 0.0, POOLED_WEIGHT, least,
-                lagged=rows.lagged[j], pairs=rows.pairs[j]))
+                j, 'motion', _model(rows.gram[j], rows.count[j], n, j, 'motion'), 0.0,
+                POOLED_WEIGHT, least, lagged=rows.lagged[j], pairs=rows.pairs[j]))
         for kind, fraction in (('single', 1.0), ('paired', PAIRED_FRACTION)):
             own = (rests.joint == j) & (rests.paired == (kind == 'paired'))
             if own.any():
@@ -128,14 +139,39 @@ def make_groups(
                 noise = float(np.sum(w * rests.noise[own]) / w.sum())
                 prior = BAND_VARIANCE * (fraction * band[j])**2 + noise if band[j] > 0.0 else 0.0
                 groups.append(Group(
-                    n, j, kind, (z * w[:, None]).T @ z, float(w.sum()), prior,
+                    j, kind, _model((z * w[:, None]).T @ z, float(w.sum()), n, j, kind), prior,
                     BAND_WEIGHT if band[j] > 0.0 and kind == 'single' else POOLED_WEIGHT,
                     max(least, 0.25 * noise), band[j]))
     return groups
 
 
+def _model(gram: FloatArray, count: float, n: int, joint: int, kind: str) -> Rows:
+    """Return rows with Σ w z zᵀ, `gram` (c, c), of one of n joints, and their model."""
+    size = len(gram)
+    effort, known = np.zeros((2, size))
+    linear, scaled = np.zeros((2, size, unknown_count(n, size)))
+    effort[[Column.RESIDUAL, Column.RIGID]] = known[Column.RIGID] = 1.0
+    scaled[:COUNT, :COUNT] = np.eye(COUNT)
+    unknown = COUNT + 3 * n + 1 + joint
+    linear[Column.ONE, unknown + n] = 1.0
+    linear[COLUMNS:, unknown_count(n):] = np.eye(size - COLUMNS)
+    if kind == 'motion':
+        linear[[Column.VELOCITY, Column.SIGN, Column.RATE],
+               [COUNT + joint, COUNT + n + joint, COUNT + 3 * n]] = 1.0
+    elif kind == 'single':
+        linear[Column.SIGN, COUNT + 2 * n + joint] = 1.0
+    return Rows(root_of(gram), count, effort, linear, unknown, known, scaled)
+
+
+def root_of(A: FloatArray) -> FloatArray:
+    """Return R (k, k) with RᵀR = A, symmetric and positive semidefinite."""
+    size = np.sqrt(np.diag(A))
+    values, vectors = np.linalg.eigh(A / np.outer(*2 * (np.where(size > 0.0, size, 1.0),)))
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size)
+
+
 def unknown_count(n: int, columns: int = COLUMNS) -> int:
-    """Return the number of unknowns for n joints, which `information` lists."""
+    """Return the number of unknowns for n joints, which `information` lists, in this order."""
     return COUNT + 5 * n + 1 + columns - COLUMNS
 
 
@@ -149,8 +185,8 @@ def rows_per_independent_row(groups: list[Group], theta: FloatArray) -> FloatArr
     sums, pairs = np.zeros(len(groups)), np.zeros(len(groups))
     for i, group in enumerate(groups):
         if group.lagged is not None:
-            u = group.residual_form(theta)
-            power = max(float(u @ group.gram @ u), 1e-300) / group.count
+            u = group.rows.residual(theta)
+            power = max(group.rows.squares(theta), 1e-300) / group.rows.count
             sums[i], pairs[i] = float(u @ group.lagged @ u) / power, group.pairs
     pooled = sums.sum() / max(pairs.sum(), 1.0)
     rho = np.clip((sums + POOLED_PAIRS * pooled) / (pairs + POOLED_PAIRS), 0.0, 0.95)

@@ -9,6 +9,7 @@ decimals, an exponent outside of [1e-3, 1e6)), which is most of this module, wou
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import repeat
 import textwrap
 from typing import NamedTuple
 
@@ -92,6 +93,20 @@ def _stacked(columns: Sequence[_Column], left_columns: int) -> str:
 def quantity_table(rows: Sequence[Sequence[str]]) -> str:
     """Return rows below the first, their headings: names, then quantities with their units."""
     return text_table(rows[0], rows[1:], left_columns=1)
+
+
+def column_rows(
+    first: str, names: Sequence[str], *columns: tuple[str, Iterable[str]],
+) -> Rows:
+    """Return the headings, and a row per name; a column is a heading and a cell per name."""
+    return [(first, *(heading for heading, _ in columns)),
+            *zip(names, *(column for _, column in columns))]
+
+
+def cells(values: Iterable[float], form: str, units: Iterable[str] = repeat('')) -> list[str]:
+    """Return numbers in a format, each with its unit; a dash for what is not finite."""
+    return [f'{value:{form}} {unit}'.rstrip() if np.isfinite(value) else '-'
+            for value, unit in zip(values, units)]
 
 
 def matrix_table(title: str, names: Sequence[str], matrix: FloatArray) -> str:

@@ -15,9 +15,9 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics_tools.estimated_weights import estimated_weights
+from robot_dynamics_tools.estimation.effort_fit import estimated_weights
 from robot_dynamics_tools.gravity_calibration.calibration import calibrate_holds, ScaleReference
-from robot_dynamics_tools.gravity_calibration.tool_estimate import Tool
+from robot_dynamics_tools.gravity_calibration.scale_fit import Tool
 from robots import arm_without_gripper
 
 EXACT = 1e-9

@@ -9,7 +9,7 @@ import pytest
 from robot_dynamics.model_check.html_page import Grade
 from robot_dynamics_tools.gravity_calibration.calibration import calibrate_holds, Calibration
 from robot_dynamics_tools.gravity_calibration.report import joint_verdicts
-from robot_dynamics_tools.gravity_calibration.tool_estimate import Tool
+from robot_dynamics_tools.gravity_calibration.scale_fit import Tool
 from robots import arm_without_gripper
 
 WEIGHTS = {'default': 2.0, 'ur10': 5.0, 'panda': 2.0, 'xarm7': 2.0}

@@ -14,7 +14,7 @@ from robot_dynamics.model.regressor import (
     TorqueRegressor,
 )
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics_tools.identification.joint_excitation import JointExcitation
+from robot_dynamics_tools.identification.friction_regressor import JointExcitation
 from robot_dynamics_tools.identification.pipeline import base_parameters_of
 from robot_dynamics_tools.identification.qr_information import merge, reduce_rows
 from robots import robot_urdf

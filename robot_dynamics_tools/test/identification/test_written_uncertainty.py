@@ -110,13 +110,15 @@ def test_the_interval_contains_95_percent_of_the_recorded_and_of_other_samples(m
     assert shares.mean() == pytest.approx(0.94, abs=0.04)
 
 
-def test_the_noise_is_that_of_the_recording_behind_its_filter(cases):
+def test_the_noise_is_that_of_the_recording_behind_and_before_its_filter(cases):
     for found, values in cases:
-        band = values['uncertainty.noise_bandwidth']
-        assert band == pytest.approx(0.898 * found.recordings[0].facts.cutoff_hz, rel=0.01)
+        noise = np.array(values['uncertainty.noise_deviation'])
+        band = 0.898 * found.recordings[0].facts.cutoff_hz
         # white noise at 100 Hz has a band of 50 Hz; the errors of the model add to it
-        ratio = values['uncertainty.noise_deviation'] / (NOISE * np.sqrt(band / 50.0))
+        ratio = noise / (NOISE * np.sqrt(band / 50.0))
         assert ((ratio > 0.9) & (ratio < 1.5)).all()
+        assert noise * np.sqrt(50.0 / values['uncertainty.noise_bandwidth']) == pytest.approx(
+            NOISE, rel=0.2)
 
 
 def test_the_noise_of_a_short_recording_is_not_reduced_by_the_covariance():
