@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The columns of a regression that belong to a single joint: rotor, friction, drive.
+The columns of a regression that belong to a single joint: rotor, friction, offset of the effort.
 
 The model is linear in its parameters for fixed widths and distances. Many candidate columns can
 therefore be computed together, from which the data select a structure: the width of the sigmoid,
 the presliding distance of Coulomb friction, and whether friction grows with the load
-(`friction_terms`). A column is the friction with one parameter of 1.
+(`friction_terms`). A column is the friction with one parameter of 1. The offset F_b is the effort
+of the drive at zero torque (`effort_calibration`).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -20,13 +21,16 @@ from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.friction_terms import (
     DRY_FRICTION,
     FrictionTerm,
-    OFFSET_EFFORT,
     TERMS,
     VISCOUS_FRICTION,
 )
 from robot_dynamics.joints.parameter_field import ParameterField
 from robot_dynamics.joints.presliding import presliding_state
+from robot_dynamics.model.effort_deviation import EFFORT_OFFSET
 
+OFFSET_EFFORT = 'offset'
+OFFSET_TERM = FrictionTerm(OFFSET_EFFORT, (ParameterField(
+    EFFORT_OFFSET, '[N·m] or [N]', 0.0, -1e6, 1e6, 'Offset {unit} of the effort', 'offset'),))
 PRISMATIC_SCALE = 0.1
 """Factor of the candidate widths [rad/s] and distances [rad] for a prismatic joint."""
 
@@ -54,7 +58,7 @@ def columns_of(term: FrictionTerm) -> Iterator[Column]:
                 yield Column(term, parameter, width, candidate)
 
 
-FRICTION_COLUMNS = tuple(column for term in TERMS for column in columns_of(term))
+FRICTION_COLUMNS = tuple(column for term in (*TERMS, OFFSET_TERM) for column in columns_of(term))
 INERTIA = 0
 PAYLOAD = 1 + len(FRICTION_COLUMNS)
 """The column of the known effort of payloads, which belongs to no friction structure."""
@@ -157,7 +161,10 @@ def joint_columns(
     columns[:, :, INERTIA] = a
     stretches = [slice(*ends) for ends in zip(starts, [*starts[1:], m])]
     scale, plain = scales_of(kinds), make_friction(kinds)
+    columns[:, :, OFFSET] = 1.0
     for i, column in enumerate(FRICTION_COLUMNS, 1):
+        if i in OFFSET:
+            continue
         widths = {column.width.name: scale * column.candidate} if column.width else {}
         friction = plain.replaced(**widths).unit(column.parameter.name)
         distance, sign = friction.presliding_distance, np.sign(v)

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.joints.friction_terms import DRY_FRICTION, OFFSET_EFFORT, VISCOUS_FRICTION
+from robot_dynamics.joints.friction_terms import DRY_FRICTION, VISCOUS_FRICTION
 from robot_dynamics_tools.analysis.motion_filter import FilteredMotion
-from robot_dynamics_tools.identification.friction_regressor import scales_of
+from robot_dynamics_tools.identification.friction_regressor import OFFSET_EFFORT, scales_of
 
 MOVING = 0.1
 """Fraction of the RMS velocity of a joint above which a sample counts as moving."""

@@ -21,7 +21,7 @@ from robot_dynamics_tools.identification.drive_gains import (
     MASS_ERROR,
     other_unit,
 )
-from robot_dynamics_tools.identification.identified_arm import fitted_friction
+from robot_dynamics_tools.identification.identified_arm import fitted_friction, fitted_offset
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
 from robot_dynamics_tools.identification.pipeline import Identification, Observability
 from robot_dynamics_tools.identification.recording_agreement import factor_of
@@ -121,14 +121,14 @@ def residual_rows(identification: Identification) -> Rows:
 
 
 def friction_rows(identification: Identification) -> Rows:
-    """Return friction and rotor of each joint."""
+    """Return friction, offset of the effort and rotor of each joint."""
     arm, fit = identification.arm, identification.models.consistent
     friction = fitted_friction(arm, fit)
     shown = [field for field in FRICTION_FIELDS if field.heading]
-    rows: Rows = [('joint', *(field.heading for field in shown), 'reflected inertia')]
-    for j, name in enumerate(arm.joint_names):
+    rows: Rows = [('joint', *(field.heading for field in shown), 'offset', 'reflected inertia')]
+    for j, (name, offset) in enumerate(zip(arm.joint_names, fitted_offset(fit))):
         rows.append((name, *(_friction_cell(field, friction, j) for field in shown),
-                     f'{fit.joint_values[j, friction_regressor.INERTIA]:.4g}'))
+                     f'{offset:.4g}', f'{fit.joint_values[j, friction_regressor.INERTIA]:.4g}'))
     return rows
 
 
