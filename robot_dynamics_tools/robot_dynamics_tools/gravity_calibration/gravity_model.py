@@ -10,8 +10,7 @@ Gravity torque at rest, linear in masses and first moments: g(q) = Y(q) φ.
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.pseudo_inertia import COUNT
-from robot_dynamics.model.regressor import inertial_parameters, TorqueRegressor
+from robot_dynamics.model.regressor import COUNT, inertial_parameters, TorqueRegressor
 
 NAMES = ('m', 'mx', 'my', 'mz')
 """Names of φ of a body."""

@@ -25,14 +25,14 @@ from robot_dynamics.exceptions import ModelError
 from robot_dynamics.joints.effort_calibration import EffortCalibration, LARGEST_OFFSET
 from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent
-from robot_dynamics.model.regressor import body_names, inertial_parameters
+from robot_dynamics.model.regressor import body_names, COUNT, inertial_parameters
 from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import LinkBody, read_bodies
 from robot_dynamics.urdf.yaml_text import dump_yaml
 from robot_dynamics.validation import lower_triangle
 from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.regularized_fit import Fit
+from robot_dynamics_tools.pseudo_inertia import is_consistent
 
 _LEAST = 1e-15
 _MOST_HALVINGS = 12

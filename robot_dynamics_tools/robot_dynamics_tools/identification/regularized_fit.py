@@ -30,7 +30,8 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.joints.friction_terms import LARGEST_LOAD_FRACTION
-from robot_dynamics.model import pseudo_inertia
+from robot_dynamics.model.regressor import COUNT
+from robot_dynamics_tools import pseudo_inertia
 from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.qr_information import QrInformation
 
@@ -97,7 +98,7 @@ def make_prior(
     roots = pseudo_inertia.regularizing_roots(parameters)
     rows = np.zeros((len(parameters), len(parameters)))
     for i, root in enumerate(roots):
-        part = slice(pseudo_inertia.COUNT * i, pseudo_inertia.COUNT * (i + 1))
+        part = slice(COUNT * i, COUNT * (i + 1))
         rows[part, part] = pseudo_inertia.relative_rows(root)
     return Prior(
         np.concatenate([pseudo_inertia.parameters_of(root @ root.T) for root in roots]), roots,
@@ -262,7 +263,7 @@ def consistent_fit(factors: FloatArray, problem: Problem, start: Fit) -> Fit:
     """
     least_squares = optional('scipy.optimize', 'identification').least_squares
     prior, p = problem.prior, problem.prior.count
-    parts = [slice(i, i + pseudo_inertia.COUNT) for i in range(0, p, pseudo_inertia.COUNT)]
+    parts = [slice(i, i + COUNT) for i in range(0, p, COUNT)]
     regularization = max(problem.regularization, LEAST_REGULARIZATION)
     A, b, low, high = bounded_problem(factors, problem._replace(regularization=regularization))
     n, k, _ = factors.shape

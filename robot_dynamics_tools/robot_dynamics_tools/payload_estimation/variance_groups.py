@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.model.pseudo_inertia import COUNT
+from robot_dynamics.model.regressor import COUNT
 from robot_dynamics_tools.payload_estimation.pairing import RestRows
 from robot_dynamics_tools.payload_estimation.rows import Column, COLUMNS, LoadRows
 

@@ -27,7 +27,6 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.pseudo_inertia import is_consistent
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_tools.analysis.motion_filter import filter_motion
@@ -43,6 +42,7 @@ from robot_dynamics_tools.identification.regression import (
 )
 from robot_dynamics_tools.identification.regularized_fit import Problem
 from robot_dynamics_tools.identification.uncertainty import estimate_parameters
+from robot_dynamics_tools.pseudo_inertia import is_consistent
 from robots import robot_urdf
 
 ARM = load_arm(default_arm_urdf())
