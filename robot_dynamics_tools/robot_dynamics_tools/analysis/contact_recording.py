@@ -14,10 +14,10 @@ from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.urdf.yaml_text import dump_yaml
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_for_arm
 from robot_dynamics_tools.analysis.contact_learning import learn_contact_levels, LearnedLevels
 from robot_dynamics_tools.recordings.joint_series import JointSeries
+from robot_dynamics_tools.yaml_output import dump_yaml
 
 DEFAULT_BANDWIDTH = 10.0
 """[Hz] of the momentum observer."""

@@ -28,11 +28,11 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.regressor import body_names, COUNT, inertial_parameters
 from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import LinkBody, read_bodies
-from robot_dynamics.urdf.yaml_text import dump_yaml
 from robot_dynamics.validation import lower_triangle
 from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.regularized_fit import Fit
 from robot_dynamics_tools.pseudo_inertia import is_consistent
+from robot_dynamics_tools.yaml_output import dump_yaml
 
 _LEAST = 1e-15
 _MOST_HALVINGS = 12
