@@ -23,7 +23,6 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
 from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robot_dynamics_tools.analysis.contradictions import find_contradictions
 from robot_dynamics_tools.analysis.motion_filter import filter_motion, filter_motion_below
@@ -32,6 +31,7 @@ from robot_dynamics_tools.identification.pipeline import identify
 from robot_dynamics_tools.identification.written_uncertainty import uncertainty_values
 from robot_dynamics_tools.payload_estimation import PayloadEstimator
 from robot_dynamics_tools.payload_estimation.recordings import add_motion
+from robot_dynamics_tools.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 
 NOISE = 0.004

@@ -6,7 +6,7 @@
 import math
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.gate import DECAY
 
@@ -16,14 +16,17 @@ FAULT_DAMPING = 0.5
 
 def braked(
     controller: Controller, q: FloatArray, v: FloatArray, holding: FloatArray,
-    ahead: FloatArray | None = None, returns: bool = False,
+    ahead: FloatArray | None = None, returns: bool = False, lost: BoolArray | None = None,
+    planned: FloatArray | None = None,
 ) -> FloatArray:
     """
     Return `holding` (n,), that of q, with a torque −M D v that brakes, within the effort limits.
 
     M and g are those of the position `ahead` when the effort acts, with slow states later than q
     unless it is given: the gravity of moving joints changes by more than light joints can bear.
-    If the arm `returns`, joints beyond a position limit are pulled back to it by M K_p.
+    If the arm `returns`, joints beyond a position limit are pulled back to it by M K_p. A `lost`
+    joint (n,) is braked with at most the `planned` speeds (n,) of the others: what it does to them
+    must not drive it further.
     """
     drive = controller.arm.drive
     torque = holding if drive is None else drive.torque(holding)
@@ -37,6 +40,9 @@ def braked(
         if returns:
             a = a + K_p * (q - np.clip(q, limits.lower, limits.upper))
         damping = M @ a
+        if lost is not None:
+            a = FAULT_DAMPING * K_d * np.clip(v, -planned, planned)
+            damping = np.where(lost, M @ a, damping)
         clipped = torque - np.clip(torque - damping, -limit, limit)
         free = np.maximum(limit - np.where(damping > 0.0, -torque, torque), 0.0)
         share = np.where(damping != 0.0, free / np.abs(damping), 1.0)

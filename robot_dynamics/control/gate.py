@@ -23,10 +23,12 @@ wrong judgement costs only bandwidth:
   until it has agreed in motion for AGREEMENT.
 
 A joint does not stop between two samples: at a constant deceleration, its last step is at most a
-third of the step before. If its position repeats bit by bit although velocity and last step were
-above MOVING, and this step above half of the step before, its sample is missing: its position is
-continued with its last velocity until it changes. After STATE_TIMEOUT the joint has no signal: the
-fault brakes it, and its velocity is assumed to decay with DECAY. A slower joint may stand. It has
+third of the step before. If its position repeats bit by bit although its last two steps, of more
+than INCREMENTS, were equal within a factor of 2, and it was faster than REST_SPEED, its sample is
+missing, unless a new velocity says that it stands. Until its position changes it moves on with its
+last velocity and the acceleration of its reference, so that its error stays as it was. After
+STATE_TIMEOUT the joint has no signal: the fault brakes it, and its velocity is assumed to decay
+with DECAY, as far as the limits of the effort let the arm brake. A slower joint may stand. It has
 no signal if its reference moves on by LEFT where friction cannot hold it, while others move, or if
 its velocity, which agreed, repeats as well and would have moved it by FLOOR. If the whole state
 repeats in motion, there is no new state; without a command, brakes may hold the arm.
@@ -39,6 +41,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, NANOSECONDS_PER_SECOND, wrap_to_pi
 from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
+from robot_dynamics.control.gains.oscillation import REST_SPEED
 from robot_dynamics.control.laws.error_feedback import DEFAULT_NATURAL_FREQUENCY
 from robot_dynamics.control.safety.faults import STATE_TIMEOUT
 from robot_dynamics.monitoring.state_plausibility import (
@@ -62,7 +65,10 @@ MEMORY, AGREEMENT = 0.1, 1.0
 """[s] over which integral and displacement are compared, and of motion in which they agree until a
 velocity is used again."""
 MOVING = 0.1
-"""[rad/s] or [m/s] from which a joint does not stop in one sample."""
+"""[rad/s] or [m/s] above which a velocity of 0 is a missing sample."""
+INCREMENTS = 2.5
+"""Increments of an encoder, which are the smallest step of its joint so far: a shorter step may be
+one in which the joint has stopped."""
 LEFT = 0.03
 """[rad] or [m] that the reference of a joint that stands may move, and may be away from it: dry
 friction may hold it, and a gearbox may yield."""
@@ -79,7 +85,8 @@ class Signals(NamedTuple):
     """
     Position and velocity (n,) in use, the verdict on the state, and the delay [s] of the velocity.
 
-    `lost` (n,) marks joints without a signal, None for none. The velocity of a first state is 0.
+    `lost` (n,) marks joints without a signal, None for none; an arm that loses one is assumed to
+    brake to at most the speeds `planned` (n,). The velocity of a first state is 0.
     """
 
     q: FloatArray
@@ -87,6 +94,7 @@ class Signals(NamedTuple):
     verdict: StateVerdict
     delay: float = 0.0
     lost: BoolArray | None = None
+    planned: FloatArray | None = None
 
 
 class Gate:
@@ -116,6 +124,10 @@ class Gate:
         self._none: BoolArray = np.zeros(len(wraps), dtype=bool)
         self._measured: FloatArray = np.full(len(wraps), np.nan)
         self._measured_v: FloatArray | None = None
+        self._increment: FloatArray = np.full(len(wraps), np.inf)
+        """The smallest step (n,) of each joint so far."""
+        self.braking: FloatArray | float = 1.0
+        """Share (n,) of the damping of a lost joint that the last effort has had."""
         self._first(StateVerdict(False), self._measured)
 
     def _first(self, verdict: StateVerdict, q: FloatArray) -> Signals:
@@ -133,15 +145,14 @@ class Gate:
         """Velocities of the last state."""
         self._has_jumped = False
         """Whether a position has jumped by more than PLAY between velocities that agree."""
-        self._step: tuple[float, FloatArray] = 1.0, zero
-        """Duration [s] and length (n,) of the last step."""
-        self._fast = self._none
-        """Which joints (n,) were so fast in the last step that they cannot stand now."""
+        self._steps = ((1.0, zero), (1.0, zero))
+        """Durations [s] and lengths (n,) of the last two steps."""
         self._missing_ns = np.zeros(len(q), dtype=np.int64)
         """Time (n,) since the last sample of each joint that is missing, 0 for others."""
         self.plausibility.unseen = zero
         self._lost: BoolArray | None = None
         """Which joints (n,) have no signal, None for none."""
+        self._planned = zero
         self._left: FloatArray | None = None
         """The reference (n,) when the position of each joint began to repeat."""
         self._claimed = zero
@@ -175,7 +186,12 @@ class Gate:
         are_all, passed_ns = all(repeats), verdict.stamp - self._ways[-1][0]
         if verdict.restart or (not are_all if self._is_silent else passed_ns > _PAUSE_NS):
             return self._first(verdict, q)
-        if are_all and self._fast.any():
+        fast = moves = self._none
+        if any(repeats) and (
+                self._is_missing or self._signals.v.dot(self._signals.v) > REST_SPEED**2):
+            moves = self._moves(v, v_before)
+            fast = moves & self._cannot_stand()
+        if are_all and fast.any():
             if not self._is_commanded() and (v is None or not v.any()):
                 return self._first(verdict, q)
             self._is_silent = True
@@ -184,10 +200,13 @@ class Gate:
         if self._any_wraps and not step.dot(step) <= np.pi**2:
             step = np.where(self._wraps, wrap_to_pi(step), step)
         if self._is_missing or any(repeats) and not are_all:
-            left = self._left_behind(q, same)
+            reference = None if are_all else self._reference()
+            left = self._left_behind(q, same, reference)
             if v is not None and v_before is not None:
                 left = left | self._contradicts(1e-9 * passed_ns, same & (v == v_before), v)
-            q, step = self._continued(passed_ns, q, step, same, left)
+            q, step = self._continued(
+                passed_ns, q, step, same & (fast | moves & (self._missing_ns > 0)), same & left,
+                reference)
         else:
             self._left, self._claimed = None, 0.0 * q
         return self._taken(verdict, 1e-9 * passed_ns, q, v, step)
@@ -209,9 +228,12 @@ class Gate:
         used, is_late = (d, True) if v is None else self._agreeing(dt, d, v, step)
         if self._has_jumped:
             return self._first(verdict._replace(restart='jump'), q)
-        self._fast = self._cannot_stand(dt, step, used)
+        self._steps = self._steps[1], (dt, step)
+        if not self._is_missing:
+            np.minimum(self._increment, np.abs(step), out=self._increment, where=step != 0.0)
         self._signals = Signals(
-            q, used, verdict, 0.5 * span if is_late else 0.0, self._lost)
+            q, used, verdict, 0.5 * span if is_late else 0.0, self._lost,
+            None if self._lost is None else self._planned)
         return self._signals
 
     def _agreeing(
@@ -252,19 +274,27 @@ class Gate:
         self._before = before
         return np.array(used), is_late
 
-    def _cannot_stand(self, dt: float, step: FloatArray, v: FloatArray) -> BoolArray:
-        """Return which joints (n,) are too fast to stand at the next state."""
-        (dt_before, before), self._step = self._step, (dt, step)
-        if v.dot(v) <= MOVING * MOVING or dt > 2.0 * dt_before:  # it may have stopped in a gap
-            return self._none
-        speed = np.abs(step) / dt
-        fast = (np.minimum(speed, np.abs(v)) > MOVING) & (speed > 0.5 / dt_before * np.abs(before))
-        return fast & (self._missing_ns == 0) if self._is_missing else fast
+    def _moves(self, v: FloatArray | None, before: FloatArray | None) -> BoolArray:
+        """Return which joints (n,) have no new velocity that is less than half of the last one."""
+        return ~self._none if v is None or before is None else (
+            (v == before) | (v == 0.0) | (np.abs(v) > 0.5 * np.abs(self._signals.v)))
 
-    def _left_behind(self, q: FloatArray, same: BoolArray) -> BoolArray:
+    def _cannot_stand(self) -> BoolArray:
+        """Return which joints (n,) were too fast in the last two steps to stand now."""
+        (dt_before, before), (dt, step) = self._steps
+        if dt > 2.0 * dt_before:  # it may have stopped in a gap
+            return self._none
+        speed, last = np.abs(step) / dt, before * np.sign(step) / dt_before
+        return np.asarray(
+            (np.minimum(speed, np.abs(self._signals.v)) > REST_SPEED)
+            & (speed > 0.5 * last) & (speed < 2.0 * last)
+            & (np.abs(step) > INCREMENTS * self._increment) & (self._missing_ns == 0))
+
+    def _left_behind(
+        self, q: FloatArray, same: BoolArray, reference: Reference | None,
+    ) -> BoolArray:
         """Return which joints (n,) stand although their reference leaves them, and others move."""
-        reference, before = None if same.all() else self._reference(), self._left
-        desired = None if reference is None else reference.position
+        desired, before = None if reference is None else reference.position, self._left
         if desired is None or before is None:
             self._left = desired
             return self._none
@@ -279,24 +309,29 @@ class Gate:
         return (self._claimed > FLOOR) & ~self.doubtful
 
     def _continued(
-        self, passed_ns: int, q: FloatArray, step: FloatArray, same: BoolArray, left: BoolArray,
+        self, passed_ns: int, q: FloatArray, step: FloatArray, missing: BoolArray, left: BoolArray,
+        reference: Reference | None,
     ) -> tuple[FloatArray, FloatArray]:
         """
-        Return positions and steps (n,) with those of missing joints continued.
+        Return positions and steps (n,) with those of `missing` and `left` joints continued.
 
         The first step of a joint that is found is also that of its last velocity.
         """
         last, dt, was_missing = self._signals, 1e-9 * passed_ns, self._missing_ns > 0
-        missing = same & (left | was_missing | self._fast)
+        missing = missing | left
         if not (self._is_missing or missing.any()):
             return q, step
         missing_ns = np.where(left & ~was_missing, _LOST_NS, self._missing_ns)
         self._missing_ns = np.where(missing, missing_ns + passed_ns, 0)
         self._is_missing = bool(missing.any())
         lost = self._missing_ns > _LOST_NS
+        self._planned = np.abs(last.v) if self._lost is None else self._planned
         self._lost = lost if lost.any() else None
         self.plausibility.unseen = self._missing_ns / NANOSECONDS_PER_SECOND
-        v = np.where(lost, np.exp(-DECAY * dt) * last.v, last.v)
+        decay = np.exp(-DECAY * dt * self.braking)
+        self._planned = np.max(decay) * self._planned
+        v = np.where(lost, decay * last.v, last.v + (
+            0.0 if reference is None else dt * reference.acceleration))
         self._signals = last._replace(v=v)
         step = np.where(missing | was_missing, dt * v, step)
         return np.where(missing, last.q + step, q), step

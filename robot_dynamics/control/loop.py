@@ -292,7 +292,7 @@ class ControlLoop:
 
     def _answer(self, signals: Signals, now: float, fault: Fault | None) -> LoopAnswer:
         controller, supervisor = self.controller, self.supervisor
-        q, v, verdict, delay, lost = signals
+        q, v, verdict, delay, lost, planned = signals
         if not verdict.is_new and self._output is not None and not self._awaits_command:
             return LoopAnswer(supervisor.repeat(), self._output, verdict)
         if lost is not None:
@@ -317,10 +317,12 @@ class ControlLoop:
                     effort is output.command) else (*output.limits, 'effort rate'))
         if self.is_active and supervisor.mode is Mode.INACTIVE:
             supervisor.activate()
-        brake: Brake = partial(braked, controller, returns=supervisor.was_inside)
+        brake: Brake = partial(
+            braked, controller, returns=supervisor.was_inside, lost=lost, planned=planned)
         limited = supervisor.answer(
             now, q, v, output.command, output.holding_effort, verdict.dt, brake, fault,
             output.motion_equation, output.state.trajectory is not None)
+        self.gate.braking = supervisor.braking
         self._endings.follow_state(now, verdict.stamp, q, v)
         return LoopAnswer(limited, output, verdict, output.limits + (
             supervisor.limiter.active if supervisor.mode is Mode.RUNNING else ()))

@@ -26,13 +26,3 @@ def nearest_turn(
     turn = 2.0 * np.pi
     turns = turn * np.rint((position - near) / turn)
     return np.where(is_continuous, position - turns, position)
-
-
-def unwrapped(position: FloatArray, is_continuous: BoolArray) -> FloatArray:
-    """
-    Return successive positions (m, n) [rad or m] without steps of whole turns.
-
-    The first sample, and every joint that is not continuous (`is_continuous` is (n,)), is
-    unchanged.
-    """
-    return np.where(is_continuous, np.unwrap(position, axis=0), position)

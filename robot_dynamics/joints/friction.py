@@ -5,7 +5,7 @@
 Friction at the joints, on the joint side of the gearbox: the sum of its terms (`friction_terms`).
 
     τ_f = F_v v + [F_c + (F_s − F_c) exp(−(v/v_s)²)] sgn v + F_o
-        + (F_a + μ |τ_load|) tanh(v/v_a) + F_b
+        + (F_a + μ |τ_load|) tanh(v/v_a)
 
 The first line is viscous and dry friction. At rest, dry friction has any value up to F_s that
 holds the joint (`stiction`). The second line is the friction of gears and drives, as
@@ -56,21 +56,19 @@ class JointFriction:
                   for term in TERMS if term.shape]
         self._smooth = [(shape, size, per_load if per_load.any() else None)
                         for shape, size, per_load in smooth if size.any() or per_load.any()]
-        constants = [values[term.constant] for term in TERMS if term.constant]
-        self._constant: FloatArray = sum(constants, start=self._rest)
-        self._has_constant = bool(self._constant.any())
+        self._has_offset = bool(self.offset.any())
         self.is_dry = bool(self._dry)
         """Whether any joint has dry friction."""
         self.is_linear = all(shape is VISCOUS.shape for shape, _, _ in self._smooth)
         """Whether smooth friction is viscous friction."""
-        self.is_viscous = self.is_linear and not (self.is_dry or self._has_constant)
+        self.is_viscous = self.is_linear and not (self.is_dry or self._has_offset)
         """Whether there is only viscous friction, or no friction."""
         self.is_zero = self.is_viscous and not self._smooth
         """Whether there is no friction."""
         self.at_rest = FrictionAtRest(
             sum((size * shape(self, self._rest + np.inf) for shape, size, _ in self._smooth
                  if shape is not VISCOUS.shape), start=self.dry(self._rest)),
-            sum(map(np.abs, constants), start=self._rest))
+            np.abs(self.offset))
 
     if TYPE_CHECKING:
         def __getattr__(self, name: str) -> FloatArray: ...
@@ -93,7 +91,7 @@ class JointFriction:
     @cached_property
     def has_gear_terms(self) -> bool:
         """Whether any joint has friction of gears and drives."""
-        return bool(self.sigmoid.any() or self.load_coefficient.any() or self.effort_bias.any())
+        return bool(self.sigmoid.any() or self.load_coefficient.any())
 
     @cached_property
     def breakaway(self) -> FloatArray:
@@ -158,8 +156,8 @@ class JointFriction:
         effort, per_load = self.smooth(v)
         if self._dry:
             effort = effort + self.dry(v) * (np.sign(v) if sign is None else sign)
-        if self._has_constant:
-            effort = effort + self._constant
+        if self._has_offset:
+            effort = effort + self.offset
         return effort if per_load is None else effort + per_load * np.abs(load)
 
     def smooth_effort(self, v: FloatArray, load: FloatArray | float = 0.0) -> FloatArray:
@@ -210,7 +208,7 @@ class JointFriction:
         if not self.has_gear_terms:
             return effort
         size = self.sigmoid + self.load_coefficient * np.abs(load)
-        return effort + (size * gear_direction + self.effort_bias)
+        return effort + size * gear_direction
 
     @cached_property
     def tracking_width(self) -> FloatArray:
@@ -222,7 +220,7 @@ class JointFriction:
         self, v: FloatArray, effort: FloatArray, sign: FloatArray | None = None,
     ) -> FloatArray:
         """Return the load (..., n) of a joint effort minus friction, the inverse of `effort`."""
-        left = effort - self._constant
+        left = effort - self.offset
         if self._dry:
             left = left - self.dry(v) * (np.sign(v) if sign is None else sign)
         smooth, per_load = self.smooth(v)
@@ -244,7 +242,7 @@ class JointFriction:
 
     def damping(self, v: FloatArray, load: FloatArray) -> FloatArray:
         """
-        Return the viscous friction (..., n) that equals all smooth friction except constants.
+        Return the viscous friction (..., n) that equals all smooth friction.
 
         It is F_v + (F_a + μ |load|) tanh(v / v_a) / v; at rest tanh(v / v_a) / v is 1 / v_a.
         """
@@ -257,8 +255,7 @@ class JointFriction:
     @cached_property
     def _at_joint(self) -> 'JointFriction':
         """This friction without that of gears and drives."""
-        return self.replaced(
-            sigmoid=self._rest, load_coefficient=self._rest, effort_bias=self._rest)
+        return self.replaced(sigmoid=self._rest, load_coefficient=self._rest)
 
 
 def _tracking_sign(ratio: FloatArray, offset: FloatArray) -> FloatArray:

@@ -4,12 +4,12 @@
 """
 The terms of friction: everything that the package knows about each of them.
 
-    τ_f = D(v) sgn v + (F + μ |τ_load|) s(v) + c
+    τ_f = D(v) sgn v + (F + μ |τ_load|) s(v) + F_o
 
-A term has some of these parts: the magnitude D of dry friction, which also holds a joint at rest;
-smooth friction of the shape s, an odd function of the velocity; and a constant c.
-`friction` adds up the terms. Model, simulation, identification, deviation of the effort, export
-and parameters of the nodes iterate over `TERMS`: a new term is an object here.
+A term has some of these parts: the magnitude D of dry friction, which also holds a joint at rest,
+and smooth friction of the shape s, an odd function of the velocity. F_o is the offset of dry
+friction. `friction` adds up the terms. Model, simulation, identification, deviation of the effort,
+export and parameters of the nodes iterate over `TERMS`: a new term is an object here.
 
 Sources: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7), 1994, sections 2
 and 3 (Stribeck's curve in the Gaussian form); B. Siciliano et al., *Robotics*, Springer 2009,
@@ -24,7 +24,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.parameter_field import ParameterField
 
-VISCOUS_FRICTION, DRY_FRICTION, OFFSET_EFFORT = 'viscous friction', 'dry friction', 'offset'
+VISCOUS_FRICTION, DRY_FRICTION = 'viscous friction', 'dry friction'
 """Kinds of terms, which a recording may be unable to separate."""
 LARGEST_LOAD_FRACTION = 0.95
 _EFFORT, _VELOCITY = '[N·m] or [N]', '[rad/s] or [m/s]'
@@ -37,7 +37,7 @@ class FrictionTerm(NamedTuple):
     """
     A term of friction: its kind, its parameters, and its parts.
 
-    `dry` is D and `shape` is s. `size`, `per_load` and `constant` name the parameters F, μ and c.
+    `dry` is D and `shape` is s. `size` and `per_load` name the parameters F and μ.
     """
 
     kind: str
@@ -46,7 +46,6 @@ class FrictionTerm(NamedTuple):
     shape: Part | None = None
     size: str = ''
     per_load: str = ''
-    constant: str = ''
 
 
 def smooth_sign(v: FloatArray, smoothing_velocity: FloatArray | float) -> FloatArray:
@@ -88,7 +87,7 @@ DRY = FrictionTerm(DRY_FRICTION, (
         'simulated_arm and where the whole motion is known, and sets the width of friction '
         'compensation', 'presliding', ('coulomb',),
         candidates=(0.0, 0.001, 0.003, 0.01, 0.03), omitted='the presliding distance'),
-), constant='offset', dry=lambda f, v: f.coulomb if f.static is f.coulomb else (
+), dry=lambda f, v: f.coulomb if f.static is f.coulomb else (
     f.coulomb + (f.static - f.coulomb) * stribeck_curve(v, f.stribeck_velocity)))
 
 GEARS = FrictionTerm(DRY_FRICTION, (
@@ -108,11 +107,4 @@ GEARS = FrictionTerm(DRY_FRICTION, (
 ), shape=lambda f, v: smooth_sign(v, f.sigmoid_velocity), size='sigmoid',
     per_load='load_coefficient')
 
-EFFORT_BIAS = FrictionTerm(OFFSET_EFFORT, (
-    ParameterField(
-        'effort_bias', _EFFORT, 0.0, -1e6, 1e6,
-        'Constant offset {unit} of the measured effort (sensor or drive bias)', 'offset',
-        omitted='the effort offset F_b'),
-), constant='effort_bias')
-
-TERMS = (VISCOUS, DRY, GEARS, EFFORT_BIAS)
+TERMS = (VISCOUS, DRY, GEARS)

@@ -6,9 +6,10 @@ The uncertainty of a model, and the standard deviation of the efforts that follo
 
 The effort of a model is linear in its parameters θ, τ = X(q, q̇, q̈) θ, except for friction that is
 proportional to the load, whose derivative is in X. With the covariance Σ of θ, the covariance of τ
-is X Σ Xᵀ. θ are inertial parameters of bodies (`regressor`), reflected inertias and friction. Near
-rest, and beyond the recorded speeds, friction differs from its model; this deviation is added.
-Parameters that are not named in the uncertainty count as exact, and so do payloads.
+is X Σ Xᵀ. θ are inertial parameters of bodies (`regressor`), reflected inertias, friction and
+offsets of the effort. Near rest, and beyond the recorded speeds, friction differs from its model;
+this deviation is added. Parameters that are not named in the uncertainty count as exact, and so do
+payloads.
 """
 
 from collections.abc import Sequence
@@ -33,8 +34,10 @@ from robot_dynamics.validation import (
 )
 
 FRICTION_PARAMETERS = tuple(field.name for field in FRICTION_FIELDS if field.is_estimated)
-JOINT_PARAMETERS = ('Ia', *FRICTION_PARAMETERS)
-"""Reflected inertia and friction of a joint; a name is such as 'viscous(joint1)'."""
+EFFORT_OFFSET = 'effort_offset'
+"""The effort of a drive at zero torque, which an identification finds next to friction."""
+JOINT_PARAMETERS = ('Ia', *FRICTION_PARAMETERS, EFFORT_OFFSET)
+"""Reflected inertia, friction and drive of a joint; a name is such as 'viscous(joint1)'."""
 _FIELD = 'uncertainty'
 
 
@@ -162,6 +165,7 @@ class EffortDeviation:
         by_load = np.ones_like(v) if per_load is None else 1.0 + per_load * np.sign(load)
         bodies = by_load[..., np.newaxis] * self._regressor(q, v, a)
         joints = [column[..., np.newaxis] * np.eye(v.shape[1]) for column in (
-            by_load * a, *(unit.effort(v, load, sign) for unit in self._units))]
+            by_load * a, *(unit.effort(v, load, sign) for unit in self._units),
+            np.ones_like(v))]
         return np.asarray(np.concatenate(
             [bodies, *joints], axis=2)[..., self._uncertainty.columns])

@@ -4,8 +4,9 @@
 """
 The torque regressor: the efforts of rigid bodies are linear in their inertial parameters.
 
-τ = Y(q, q̇, q̈) φ, with the ten parameters φ of each body (`pseudo_inertia`). There is one body
-per moving joint of Pinocchio, which includes the links that are fixed to it. Source: C. G.
+τ = Y(q, q̇, q̈) φ, with the ten parameters φ = (m, m c, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) of each
+body; the tensor is about the origin of its frame. There is one body per moving joint of
+Pinocchio, which includes the links that are fixed to it. Source: C. G.
 Atkeson, C. H. An, J. M. Hollerbach, "Estimation of inertial parameters of manipulator loads and
 links", Int. J. Robotics Research 5(3), 1986. The reflected inertia of rotors is not included.
 """
@@ -14,7 +15,10 @@ import numpy as np
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.pseudo_inertia import COUNT, NAMES
+
+COUNT = 10
+"""Number of parameters of a body."""
+NAMES = ('m', 'mx', 'my', 'mz', 'Ixx', 'Ixy', 'Iyy', 'Ixz', 'Iyz', 'Izz')
 
 
 def body_names(arm: ArmModel) -> tuple[str, ...]:

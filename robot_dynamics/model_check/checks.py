@@ -190,16 +190,13 @@ def _check_safety_controllers(urdf: str, arm: ArmModel) -> Iterator[Finding]:
 
 def _check_friction(arm: ArmModel) -> list[Finding]:
     """Return the joints that no effort within the limit moves against friction."""
-    friction, limit = arm.friction, arm.limits.effort
+    dry, limit = arm.friction.counterpart('friction'), arm.limits.effort
     return [
         Finding(
             'friction', ERROR, name,
-            f'{title} of joint {name!r} is {effort[i]:.4g}, expected less than its effort '
-            f'limit, {limit[i]:.4g}: no permitted effort would move the joint')
-        for title, effort in (
-            ('dry friction F_c + F_a', friction.counterpart('friction')),
-            ('effort offset F_b', np.abs(friction.effort_bias)))
-        for i, name in enumerate(arm.joint_names) if effort[i] > limit[i]]
+            f'dry friction F_c + F_a of joint {name!r} is {effort:.4g}, expected less than its '
+            f'effort limit, {most:.4g}: no permitted effort would move the joint')
+        for name, effort, most in zip(arm.joint_names, dry, limit) if effort > most]
 
 
 def _check_gravity(arm: ArmModel, search: Search) -> list[Finding]:

@@ -19,7 +19,7 @@ CHECKS = {
     'lost_mass': 'links whose mass is missing, or is not read',
     'limits': 'joints without a position, velocity or effort limit',
     'gravity_capability': 'effort limits that cannot hold gravity somewhere',
-    'friction': 'dry friction or effort offsets beyond the effort limit',
+    'friction': 'dry friction beyond the effort limit',
     'rotors': 'joints whose inertia lacks the rotor of the drive',
     'condition': 'the condition number of M(q)',
 }

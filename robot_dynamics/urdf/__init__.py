@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""URDF documents: reading, validation, editing, inertias, visuals and meshes."""
+"""URDF documents: reading, validation, editing, inertias and meshes."""
 
 from robot_dynamics.urdf.description_file import read_description
 from robot_dynamics.urdf.editing import with_elements

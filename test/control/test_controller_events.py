@@ -163,6 +163,16 @@ def test_in_a_fault_the_arm_is_held_and_damped(loads):
     assert braked(one, Q, ZERO, hold).tolist() == hold.tolist()
 
 
+def test_a_lost_joint_is_braked_by_the_plan_whatever_it_does_to_the_others():
+    one, v = make(), np.array([0.2, 0.1])
+    hold = update(one, NOW, Q, v).holding_effort()
+    lost, plan = np.array([False, True]), np.array([0.2, 0.1])
+    for driven in (0.2, 0.5):
+        damped = braked(one, Q, v * [driven / 0.2, 1.0], hold, Q, lost=lost, planned=plan)
+        expected = [damping(v * [driven / 0.2, 1.0])[0], damping(v)[1]]
+        assert damped == pytest.approx(hold - expected)
+
+
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('v', [[1e308, -1e308], [1e307, -1e307]])
 def test_damping_that_is_not_finite_is_left_out(v):

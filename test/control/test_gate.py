@@ -43,6 +43,11 @@ class Fed:
         self.k += 1
         return self.gate.take(START + round((self.k - 1) * SECOND / self.rate), q, v)
 
+    def starts(self, q: FloatArray) -> None:
+        """Begin at rest, and show how fine the positions are."""
+        for way in (0.0, 1e-7):
+            self.take(q + way, 0.0 * q)
+
     def signals(self, q: FloatArray, v: FloatArray | None) -> Signals:
         found = self.take(q, v)
         assert found.verdict.is_new
@@ -163,12 +168,13 @@ def test_one_corrupted_velocity_changes_nothing_but_its_sample(
 # --- positions that repeat -----------------------------------------------------------------------
 
 @FEW
-@given(rate=rates, speed=st.floats(0.2, 2.0), sign=signs, away=st.floats(0.001, 0.1),
+@given(rate=rates, speed=st.floats(0.05, 2.0), sign=signs, away=st.floats(0.001, 0.1),
        has_velocity=st.booleans(), silence=st.floats(0.02, 0.4))
 def test_a_joint_that_repeats_in_motion_is_continued_lost_and_found(
         rate, speed, sign, away, has_velocity, silence):
     """It moves on for 50 ms, then its velocity decays with 20/s."""
     one, v, frozen_at, last = Fed(rate), sign * speed * np.array([0.5, 1.0]), None, 0.0
+    one.starts(np.full(2, 3.1))
     while one.t < 0.3:
         q, frozen_at = 3.1 + one.t * v, one.t
         assert one.signals(q, v if has_velocity else None).lost is None
@@ -192,6 +198,36 @@ def test_a_joint_that_repeats_in_motion_is_continued_lost_and_found(
         assert signals.lost is None
         assert signals.q.tolist() == q.tolist()
         assert signals.v == pytest.approx([v[0], last], rel=0.1)
+
+
+@FEW
+@given(rate=rates, a=st.floats(-5.0, 5.0), share=st.floats(0.0, 1.0))
+def test_a_missing_joint_follows_its_reference_and_then_brakes_as_far_as_it_can(rate, a, share):
+    one, v = Fed(rate), np.array([0.3, 1.0])
+    one.starts(np.zeros(2))
+    while one.t < 0.3:
+        q, kept = one.t * v, one.t * v[1]
+        one.signals(q, v)
+    one.reference, one.gate.braking, last = np.array([0.0, a]), share, 1.0
+    while one.t < 0.5:
+        signals = one.signals(np.array([one.t * v[0], kept]), v * [1.0, 0.0])
+        expected = last + a / rate if signals.lost is None else last * np.exp(-20.0 * share / rate)
+        last = signals.v[1]
+        assert last == pytest.approx(expected)
+    assert signals.lost is not None
+    assert signals.planned[0] == pytest.approx(0.3 * abs(last) / abs(1.0 + a * 0.05), rel=0.05)
+
+
+@FEW
+@given(rate=rates, speed=st.floats(0.1, 2.0))
+def test_a_joint_whose_velocity_shows_that_it_stands_is_not_lost(rate, speed):
+    one, v, rng = Fed(rate), np.array([0.3, speed]), np.random.default_rng(3)
+    one.starts(np.zeros(2))
+    while one.t < 0.6:
+        stands = one.t > 0.3
+        q = np.array([0.3 * one.t, speed * min(one.t, 0.3)])
+        noise = rng.normal(0.0, 0.01, 2)
+        assert one.signals(q, v * [1.0, 1.0 - stands] + noise).lost is None
 
 
 @FEW
@@ -278,6 +314,7 @@ def test_a_slow_joint_that_repeats_its_velocity_is_lost_once_it_should_have_move
 def test_a_state_that_repeats_in_motion_is_none_until_a_position_changes(
         rate, speed, count, moved):
     one, v = Fed(rate), np.array([speed, 0.0])
+    one.starts(0.0 * v)
     while one.t < 0.2:
         q = one.t * v
         one.signals(q, v)
@@ -294,6 +331,7 @@ def test_an_arm_without_a_command_that_repeats_in_motion_is_on_its_brakes(
         rate, speed, has_velocity):
     one, v = Fed(rate), np.array([speed, 0.0])
     one.is_commanded = False
+    one.starts(0.0 * v)
     while one.t < 0.2:
         q = one.t * v
         one.signals(q, v if has_velocity else None)

@@ -225,8 +225,8 @@ def test_a_law_that_does_not_follow_refuses_references(name):
 
 
 def test_gravity_compensation_is_the_gravity_torque_alone():
-    """Friction is no term of it, not even an offset of the measured effort."""
-    arm = UR5.with_friction(make_friction(UR5.joint_names, effort_bias=3.0))
+    """Friction is no term of it, not even its offset."""
+    arm = UR5.with_friction(make_friction(UR5.joint_names, coulomb=3.0, offset=3.0))
     gravity = ArmDynamics(arm).rigid_body.gravity(Q)
     output = update(make(arm, 'gravity_compensation'), START, Q, 0.0 * Q)
     assert output.command.tolist() == gravity.tolist()

@@ -101,7 +101,7 @@ def test_an_empty_parameter_has_the_default_of_its_field():
 
 EVERY_TERM = make_friction(
     NAMES, [0.5, 0.2], [2.0, 1.0], [3.0, 1.5], [0.1, 0.2], [0.3, -0.2], sigmoid=[1.5, 0.5],
-    sigmoid_velocity=[0.05, 0.1], load_coefficient=[0.1, 0.3], effort_bias=[0.4, -2.0])
+    sigmoid_velocity=[0.05, 0.1], load_coefficient=[0.1, 0.3])
 signed = st.floats(1e-3, 3.0).flatmap(lambda x: st.sampled_from([-x, x]))
 
 
@@ -122,14 +122,14 @@ def test_a_sliding_joint_leaves_the_load_whose_friction_it_has(v1, v2, load1, lo
 @given(signed, signed, st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
 def test_the_damping_is_the_slope_of_the_smooth_terms(v1, v2, load1, load2):
     v, load = np.array([v1, v2]), np.array([load1, load2])
-    smooth = EVERY_TERM.effort(v, load, np.zeros(2)) - EVERY_TERM.offset - EVERY_TERM.effort_bias
+    smooth = EVERY_TERM.effort(v, load, np.zeros(2)) - EVERY_TERM.offset
     assert EVERY_TERM.damping(v, load) * v == pytest.approx(smooth, rel=1e-9, abs=1e-12)
 
 
 def test_friction_at_rest_holds_with_all_its_terms():
     at_rest = EVERY_TERM.at_rest
     assert at_rest.static.tolist() == [4.5, 2.0]
-    assert at_rest.offset == pytest.approx(np.array([0.7, 2.2]))
+    assert at_rest.offset == pytest.approx(np.array([0.3, 0.2]))
 
 
 def test_other_processes_get_the_same_friction():

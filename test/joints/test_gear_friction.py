@@ -27,7 +27,7 @@ values = st.floats(-5.0, 5.0)
 def gears(**changes):
     return make_friction(NAMES, **{
         'sigmoid': [1.5, 0.5], 'sigmoid_velocity': [0.05, 0.1], 'load_coefficient': [0.1, 0.3],
-        'effort_bias': [0.4, -2.0], 'presliding_distance': [0.01, 0.0], **changes})
+        'presliding_distance': [0.01, 0.0], **changes})
 
 
 def arm_with_gears(**changes):
@@ -36,7 +36,7 @@ def arm_with_gears(**changes):
 
 def test_the_law_by_hand():
     effort = gears().effort(np.array([0.05, -0.2]), np.array([10.0, -4.0]))
-    by_hand = [(1.5 + 0.1 * 10.0) * np.tanh(1.0) + 0.4, (0.5 + 0.3 * 4.0) * np.tanh(-2.0) - 2.0]
+    by_hand = [(1.5 + 0.1 * 10.0) * np.tanh(1.0), (0.5 + 0.3 * 4.0) * np.tanh(-2.0)]
     assert effort == pytest.approx(np.array(by_hand), rel=1e-14)
 
 
@@ -54,13 +54,6 @@ def test_forward_dynamics_inverts_inverse_dynamics(numbers):
     assert terms.effort == pytest.approx(tau, rel=1e-9, abs=1e-9)
 
 
-def test_a_joint_at_rest_that_is_torn_off_bears_its_offset():
-    dynamics = ArmDynamics(arm_with_gears())
-    q, rest = np.array([0.3, 0.4]), np.zeros(2)
-    hold = dynamics.rigid_body.gravity(q) + np.array([0.4, -2.0])
-    assert dynamics.forward_dynamics(q, rest, hold) == pytest.approx(np.zeros(2), abs=1e-12)
-
-
 def tracked_friction(friction, v, error, rate, load):
     """Return the compensation by the formula on the page friction.md."""
     def sign(width):
@@ -68,8 +61,7 @@ def tracked_friction(friction, v, error, rate, load):
 
     return (friction.viscous * (v + rate * error) + friction.dry(v) * sign(0.01) + friction.offset
             + (friction.sigmoid + friction.load_coefficient * np.abs(load))
-            * sign(friction.sigmoid_velocity)
-            + friction.effort_bias)
+            * sign(friction.sigmoid_velocity))
 
 
 @pytest.mark.parametrize('mode', ['reference', 'measured'])

@@ -41,7 +41,7 @@ def loaded_arm(robot: str, rng: np.random.Generator) -> ArmModel:
         arm.joint_names, rng.uniform(0.1, 5.0, n), rng.uniform(0.1, 5.0, n),
         rng.uniform(5.0, 8.0, n), rng.uniform(0.02, 0.2, n), rng.uniform(-0.1, 0.1, n),
         sigmoid=rng.uniform(0.1, 3.0, n), sigmoid_velocity=rng.uniform(0.01, 0.3, n),
-        load_coefficient=rng.uniform(0.0, 0.3, n), effort_bias=rng.normal(size=n))
+        load_coefficient=rng.uniform(0.0, 0.3, n))
     load = make_payload(arm.link_names[-1], 0.9, (0.1, 0.0, 0.05), np.diag([0.01, 0.02, 0.015]))
     return arm.with_friction(friction).with_payloads([load]).with_reflected_inertia(
         rng.uniform(0.0, 0.5, n))

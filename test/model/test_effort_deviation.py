@@ -29,7 +29,7 @@ NAMES = ('mz(link2)', 'viscous(joint1)', 'coulomb(joint2)')
 COVARIANCE = (0.04, 0.003, 0.01, 0.0, 0.0, 0.09)
 """The lower triangle for NAMES."""
 FRICTION = {'viscous': 1.5, 'sigmoid': 2.0, 'sigmoid_velocity': 0.1, 'load_coefficient': 0.1,
-            'effort_bias': -0.3, 'coulomb': 0.7}
+            'coulomb': 0.7}
 
 
 def arm_with(bare, phi, rotors, friction):
@@ -55,14 +55,14 @@ def test_the_derivatives_are_differences_of_efforts():
     def effort(i, step):
         """Return the effort after a change of one parameter."""
         changed = phi.copy(), rotors.copy(), {key: each.copy() for key, each in friction.items()}
+        offset = np.zeros(n)
         field, _, joint = names[i].partition('(')
         if i < len(phi):
             changed[0][i] += step
-        elif field == 'Ia':
-            changed[1][arm.joint_names.index(joint[:-1])] += step
         else:
-            changed[2][field][arm.joint_names.index(joint[:-1])] += step
-        return ArmDynamics(arm_with(bare, *changed)).inverse_dynamics(q, v, a)
+            of_joints = {'Ia': changed[1], 'effort_offset': offset, **changed[2]}[field]
+            of_joints[arm.joint_names.index(joint[:-1])] += step
+        return ArmDynamics(arm_with(bare, *changed)).inverse_dynamics(q, v, a) + offset
 
     step = 1e-4
     differences = np.stack([
@@ -119,7 +119,7 @@ def test_without_parameters_an_arm_has_no_uncertainty():
 @pytest.mark.parametrize(('changes', 'words'), [
     ({'parameters': ['mz(link3)']},
      "uncertainty.parameters has 'mz(link3)', expected names such as 'm(link1)' or "
-     "'effort_bias(joint2)'"),
+     "'effort_offset(joint2)'"),
     ({'parameters': ['mz(link2)'] * 3}, "uncertainty.parameters has 'mz(link2)' twice"),
     ({'covariance': (-0.04, *COVARIANCE[1:])},
      "uncertainty.covariance of 'mz(link2)' with itself is -0.04, expected a number >= 0"),

@@ -1,13 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The torque regressor and inverse dynamics, and base parameters."""
+"""The torque regressor and inverse dynamics."""
 
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
-from robot_dynamics.model.base_parameters import find_base_parameters
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import (
     inertial_parameters,
@@ -27,22 +26,6 @@ def test_the_regressor_times_the_parameters_is_inverse_dynamics(name):
     expected = RigidBody(arm).inverse_dynamics_batch(q, v, a)
     assert Y @ inertial_parameters(arm) == pytest.approx(
         expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
-
-
-# --- base parameters -----------------------------------------------------------------------------
-
-
-def test_dependent_columns_are_regrouped():
-    rng = np.random.default_rng(2)
-    a, b = rng.normal(size=(2, 50))
-    base = find_base_parameters(
-        np.column_stack([a, np.zeros(50), 2.0 * a, b, a - 3.0 * b]), ['p', 'q', 'r', 's', 't'])
-    assert base.rank == 2
-    assert base.expressions == ('p + 2·r + t', 's - 3·t')
-    assert base.labels == ('p*', 's*')
-
-
-# --- information ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(('name', 'link'), [

@@ -174,8 +174,7 @@ def test_a_value_at_the_bound_is_no_finding():
 
 
 @pytest.mark.parametrize(('parameter', 'value', 'is_found'), [
-    ('coulomb', 99.0, False), ('coulomb', 101.0, True), ('sigmoid', 101.0, True),
-    ('effort_bias', 99.0, False), ('effort_bias', -101.0, True)])
+    ('coulomb', 99.0, False), ('coulomb', 101.0, True), ('sigmoid', 101.0, True)])
 def test_friction_parameters_are_compared_with_the_effort_limit(parameter, value, is_found):
     arm = arm_from_parameters(arm_of(), {f'friction.{parameter}': [value]})
     assert (errors_of(check_model(arm_of(), arm)) != []) is is_found

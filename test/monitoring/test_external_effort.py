@@ -153,7 +153,7 @@ def test_friction_of_gears_that_press_harder_under_load_is_no_environment():
     bare = three_links()
     names = bare.joint_names
     dynamics = ArmDynamics(bare.with_friction(make_friction(
-        names, sigmoid=[1.0] * 3, load_coefficient=[0.2, 0.1, 0.3], effort_bias=[0.5, 0.0, -0.2])))
+        names, sigmoid=[1.0] * 3, load_coefficient=[0.2, 0.1, 0.3])))
 
     def motion(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         w, A = np.array([3.0, 4.0, 5.0]), np.array([0.5, 0.6, 0.4])

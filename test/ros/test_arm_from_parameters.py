@@ -29,7 +29,7 @@ GEARED = default_arm_urdf().replace(
 FRICTION = {
     'viscous': [0.2, 0.1], 'coulomb': [2.0, 1.0], 'static': [3.0, 1.5],
     'stribeck_velocity': [0.04, 0.05], 'offset': [0.5, -0.25], 'sigmoid': [0.5, 0.2],
-    'sigmoid_velocity': [0.02, 0.03], 'load_coefficient': [0.05, 0.02], 'effort_bias': [0.1, -0.2],
+    'sigmoid_velocity': [0.02, 0.03], 'load_coefficient': [0.05, 0.02],
     'presliding_distance': [0.01, 0.02]}
 MOTORS = {
     'torque_constant': [0.1, 0.2], 'gear_ratio': [100.0, -50.0], 'back_emf_constant': [0.11, 0.21],

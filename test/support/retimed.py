@@ -59,7 +59,7 @@ def largest_ratio(arm: ArmModel, trajectory: JointTrajectory, share: float = 1.0
     f = arm.friction
     dry = f.coulomb + (f.static - f.coulomb) * np.exp(-(v / f.stribeck_velocity)**2)
     gears = (f.sigmoid + f.load_coefficient * np.abs(load)) * np.tanh(v / f.sigmoid_velocity)
-    tau = load + f.viscous * v + dry * np.sign(v) + f.offset + gears + f.effort_bias
+    tau = load + f.viscous * v + dry * np.sign(v) + f.offset + gears
     ratios = [np.abs(v) / arm.limits.velocity, np.abs(tau) / arm.limits.effort / share]
     if arm.actuators is not None:
         m = arm.actuators
@@ -96,7 +96,7 @@ def with_friction_and_motors(arm: ArmModel, kind: str, room: np.ndarray) -> ArmM
     if kind == 'stribeck':
         return arm.with_friction(make_friction(
             names, 0.1 * room / v, 0.1 * room, 0.2 * room, 0.05, 0.02 * room, sigmoid=0.1 * room,
-            load_coefficient=0.05, effort_bias=0.01 * room))
+            load_coefficient=0.05))
     current = np.maximum(arm.limits.effort, 1.0) / (50.0 * 0.05 * 0.7)
     current = np.where(np.isfinite(current), current, 40.0)
     return arm.with_friction(make_friction(names, (), 0.1 * room)).with_actuators(make_actuators(

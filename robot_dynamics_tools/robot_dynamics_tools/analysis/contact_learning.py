@@ -37,11 +37,11 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.monitoring.contact_levels import ContactLevels
 from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.urdf.yaml_text import dump_yaml
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_for_arm
 from robot_dynamics_tools.monitoring.contact_detector import SEPARATION
 from robot_dynamics_tools.recordings.joint_series import JointSeries
+from robot_dynamics_tools.yaml_output import dump_yaml
 
 ALARMS_PER_HOUR = 1.0
 """Promised rate of false alarms of all joints together."""

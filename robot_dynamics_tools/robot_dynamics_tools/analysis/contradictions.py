@@ -24,10 +24,9 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.presliding import presliding_state
-from robot_dynamics.model import pseudo_inertia
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
-from robot_dynamics.model.regressor import inertial_parameters, TorqueRegressor
+from robot_dynamics.model.regressor import COUNT, inertial_parameters, TorqueRegressor
 from robot_dynamics_tools.analysis.motion_filter import (
     filter_like,
     FilteredMotion,
@@ -169,7 +168,7 @@ def _far_gravity(test: '_Test', accepted: _Hypothesis, has_load: bool) -> tuple[
         return ()
     phi = test.fit(accepted).bodies
     if has_load:
-        phi = np.concatenate([phi[:-pseudo_inertia.COUNT], test.prior[-pseudo_inertia.COUNT:]])
+        phi = np.concatenate([phi[:-COUNT], test.prior[-COUNT:]])
     return far_from_urdf(test.arm.joint_names, gravity_ratios(test.arm, phi, test.positions))
 
 
@@ -270,7 +269,7 @@ class _Test:
                     - body.inverse_dynamics_batch(q + step, v, a)) / (2.0 * _STEP)
                    for step in _STEP * np.eye(n)]
         loads = [column * (t[rows] > time)[:, np.newaxis] for time in self.times
-                 for column in np.moveaxis(Y[:, :, -pseudo_inertia.COUNT:][:, :, :_LOAD], 2, 0)]
+                 for column in np.moveaxis(Y[:, :, -COUNT:][:, :, :_LOAD], 2, 0)]
         efforts = [np.stack([np.interp(t[rows] + delay, t, column)
                              for column in motion.measured_effort.T], axis=1) for delay in DELAYS]
         others = [np.tile(column[:, np.newaxis], n) for column in motion.measured_effort[rows].T]
@@ -283,7 +282,7 @@ class _Test:
         self.effort = self._others - len(DELAYS)
         prior = body_prior(inertial_parameters(arm))
         weights = np.full(self._p, _REGULARIZATION)
-        weights[-pseudo_inertia.COUNT:] = _ANY_LOAD
+        weights[-COUNT:] = _ANY_LOAD
         self.prior = prior.parameters
         self._regularization = prior.rows.T * weights @ prior.rows
         sizes = np.sqrt(np.mean(np.stack([motion.measured_effort, effort])[:, rows]**2, axis=1))

@@ -91,7 +91,7 @@ MASSES = ('check payload and gravity of the model, then run `identify` with this
 FRICTION = ('run `identify` with this recording: it fits `friction.viscous` and '
             '`friction.coulomb`, among others')
 OFFSET = ('check the zero of the effort sensor, the payload, and the direction of gravity; '
-          '`identify` fits the offset as `friction.effort_bias`')
+          '`identify` fits the offset as `effort.report_offset`')
 SCALE = 'check the unit of the effort: parameter `measured_effort`, or `identify --effort current`'
 
 

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.model import pseudo_inertia
+from robot_dynamics.model.regressor import COUNT
+from robot_dynamics_tools import pseudo_inertia
 
 SCALE_DEVIATION = 0.3
 """Relative standard deviation of the effort scale of a drive."""
@@ -48,7 +49,7 @@ def body_prior(parameters: FloatArray) -> BodyPrior:
     roots = pseudo_inertia.regularizing_roots(parameters)
     rows = np.zeros((len(parameters), len(parameters)))
     for i, root in enumerate(roots):
-        part = slice(pseudo_inertia.COUNT * i, pseudo_inertia.COUNT * (i + 1))
+        part = slice(COUNT * i, COUNT * (i + 1))
         rows[part, part] = pseudo_inertia.relative_rows(root)
     return BodyPrior(np.concatenate([
         pseudo_inertia.parameters_of(root @ root.T) for root in roots]), roots, rows)

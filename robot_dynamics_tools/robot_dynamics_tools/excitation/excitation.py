@@ -26,9 +26,9 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.base_parameters import find_base_parameters
 from robot_dynamics.model.regressor import random_states, TorqueRegressor
 from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics_tools.base_parameters import find_base_parameters
 from robot_dynamics_tools.excitation.evolution_strategy import minimize_by_rank
 from robot_dynamics_tools.excitation.excitation_limits import effort_ratio, ExcitationLimits
 from robot_dynamics_tools.excitation.fourier_series import Basis, free_coefficients, series_basis

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robot_dynamics.urdf.yaml_text import dump_yaml, load_yaml
+from robot_dynamics.urdf.yaml_text import load_yaml
 from robot_dynamics.validation import lower_triangle
 from robot_dynamics_tools.gravity_calibration.calibration import Calibration
 from robot_dynamics_tools.gravity_calibration.recorded_holds import RecordedCalibration
+from robot_dynamics_tools.yaml_output import dump_yaml
 
 SECTIONS = '/**', '/**/dynamics', 'dynamics', '/dynamics'
 """Sections of the node in a parameter file; a later one overrides an earlier one."""

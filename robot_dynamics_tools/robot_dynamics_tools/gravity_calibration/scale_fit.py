@@ -18,8 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.pseudo_inertia import COUNT
-from robot_dynamics.model.regressor import inertial_parameters, TorqueRegressor
+from robot_dynamics.model.regressor import COUNT, inertial_parameters, TorqueRegressor
 from robot_dynamics_tools.estimation import effort_fit
 from robot_dynamics_tools.estimation.priors import SCALE_DEVIATION
 

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The columns of a regression that belong to a single joint: rotor, friction, drive.
+The columns of a regression that belong to a single joint: rotor, friction, offset of the effort.
 
 The model is linear in its parameters for fixed widths and distances. Many candidate columns can
 therefore be computed together, from which the data select a structure: the width of the sigmoid,
 the presliding distance of Coulomb friction, and whether friction grows with the load
-(`friction_terms`). A column is the friction with one parameter of 1.
+(`friction_terms`). A column is the friction with one parameter of 1. The offset F_b is the effort
+of the drive at zero torque (`effort_calibration`).
 
 Which friction parameters a recording separates depends on its motion. In one direction, dry
 friction and the offset F_b are the same constant; at one speed, viscous and dry friction are
@@ -28,8 +29,12 @@ from robot_dynamics.joints import friction_terms
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.parameter_field import ParameterField
 from robot_dynamics.joints.presliding import presliding_state
+from robot_dynamics.model.effort_deviation import EFFORT_OFFSET
 from robot_dynamics_tools.analysis.motion_filter import FilteredMotion
 
+OFFSET_EFFORT = 'offset'
+OFFSET_TERM = friction_terms.FrictionTerm(OFFSET_EFFORT, (ParameterField(
+    EFFORT_OFFSET, '[N·m] or [N]', 0.0, -1e6, 1e6, 'Offset {unit} of the effort', 'offset'),))
 PRISMATIC_SCALE = 0.1
 """Factor of the candidate widths [rad/s] and distances [rad] for a prismatic joint."""
 
@@ -57,7 +62,8 @@ def columns_of(term: friction_terms.FrictionTerm) -> Iterator[Column]:
                 yield Column(term, parameter, width, candidate)
 
 
-FRICTION_COLUMNS = tuple(column for term in friction_terms.TERMS for column in columns_of(term))
+FRICTION_COLUMNS = tuple(
+    column for term in (*friction_terms.TERMS, OFFSET_TERM) for column in columns_of(term))
 INERTIA = 0
 PAYLOAD = 1 + len(FRICTION_COLUMNS)
 """The column of the known effort of payloads, which belongs to no friction structure."""
@@ -70,7 +76,7 @@ def _where(is_one: Callable[[Column], bool]) -> IntArray:
 
 
 VISCOUS = _where(lambda column: column.term.kind == friction_terms.VISCOUS_FRICTION)
-OFFSET = _where(lambda column: column.term.kind == friction_terms.OFFSET_EFFORT)
+OFFSET = _where(lambda column: column.term.kind == OFFSET_EFFORT)
 SHARP = _where(lambda column: column.term.kind == friction_terms.DRY_FRICTION)
 """The columns that change fast at a velocity reversal."""
 LOAD = _where(lambda column: not column.parameter.unit)
@@ -121,7 +127,7 @@ def structures(left_out: Sequence[str] = ()) -> Iterator[FrictionStructure]:
         term for term in friction_terms.TERMS if term.kind == friction_terms.DRY_FRICTION)
     for chosen in product(*map(_choices, terms)):
         dry = [column for columns in chosen for column in columns]
-        is_known = friction_terms.OFFSET_EFFORT not in left_out
+        is_known = OFFSET_EFFORT not in left_out
         if is_known or not np.isin(dry, LOAD).any():
             offset = OFFSET.tolist() if is_known or not dry else ()
             yield FrictionStructure(tuple(sorted((INERTIA, *viscous, *offset, *dry))))
@@ -160,7 +166,10 @@ def joint_columns(
     columns[:, :, INERTIA] = a
     stretches = [slice(*ends) for ends in zip(starts, [*starts[1:], m])]
     scale, plain = scales_of(kinds), make_friction(kinds)
+    columns[:, :, OFFSET] = 1.0
     for i, column in enumerate(FRICTION_COLUMNS, 1):
+        if i in OFFSET:
+            continue
         widths = {column.width.name: scale * column.candidate} if column.width else {}
         friction = plain.replaced(**widths).unit(column.parameter.name)
         distance, sign = friction.presliding_distance, np.sign(v)
@@ -219,7 +228,7 @@ class JointExcitation:
             kept = [_V, _SIGN] if _is_separable(G, [_V, _SIGN]) else [
                 column for column in kept if column != _V]
         return tuple(name for name, column in (
-            (friction_terms.VISCOUS_FRICTION, _V), (friction_terms.OFFSET_EFFORT, _ONE))
+            (friction_terms.VISCOUS_FRICTION, _V), (OFFSET_EFFORT, _ONE))
             if column not in kept)
 
     def reason(self, joint: int) -> str:

@@ -5,7 +5,8 @@
 The identified model as a URDF and as parameters of the node.
 
 `dynamics_node` with the URDF of `fitted_urdf` and the parameters of `parameter_values`
-computes what the fit predicts: rigid bodies, reflected inertia, friction of joints and gears.
+computes what the fit predicts: rigid bodies, reflected inertia, friction of joints and gears, and
+the offset of the effort.
 
 A body of Pinocchio is a moving link with all links that are fixed to it. The identified inertial
 of a body goes to the moving link. Links fixed to it, such as a hand or locked fingers, keep their
@@ -14,22 +15,24 @@ them (`kept_fractions`). The rest of the URDF is unchanged.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import ModelError
+from robot_dynamics.joints.effort_calibration import EffortCalibration, LARGEST_OFFSET
 from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent
-from robot_dynamics.model.regressor import body_names, inertial_parameters
+from robot_dynamics.model.regressor import body_names, COUNT, inertial_parameters
 from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import LinkBody, read_bodies
-from robot_dynamics.urdf.yaml_text import dump_yaml
 from robot_dynamics.validation import lower_triangle
 from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.regularized_fit import Fit
+from robot_dynamics_tools.pseudo_inertia import is_consistent
+from robot_dynamics_tools.yaml_output import dump_yaml
 
 _LEAST = 1e-15
 _MOST_HALVINGS = 12
@@ -146,12 +149,25 @@ def fitted_friction(arm: ArmModel, fit: Fit) -> JointFriction:
     values: dict[str, Any] = {field.name: scale * (field.default or 0.0)
                               for field in FRICTION_FIELDS if field.heading}
     for i, column in enumerate(friction_regressor.FRICTION_COLUMNS, 1):
+        if i in friction_regressor.OFFSET:
+            continue
         values[column.parameter.name] = values[column.parameter.name] + fit.joint_values[:, i]
         if column.width:
             is_used = [i in structure.columns for structure in fit.structures]
             values[column.width.name] = np.where(
                 is_used, scale * column.candidate, values[column.width.name])
     return make_friction(arm.joint_names, **values)
+
+
+def fitted_offset(fit: Fit) -> FloatArray:
+    """Return the offset F_b (n,) of the effort, as a torque at the joint [N·m] or [N]."""
+    return np.asarray(fit.joint_values[:, friction_regressor.OFFSET].sum(axis=1))
+
+
+def _with_offset(drive: EffortCalibration, offset: FloatArray) -> FloatArray:
+    """Return the offset (n,) of a drive with that of a fit, as far as it is permitted."""
+    most = LARGEST_OFFSET * drive.limit
+    return np.clip(drive.offset + offset / drive.scale, -most, most)
 
 
 def parameter_values(
@@ -166,7 +182,7 @@ def parameter_values(
     that of position drives [N·m/rad] or [N/m]. `given` are the previous parameters; those that the
     identification does not determine are kept.
     """
-    friction = fitted_friction(arm, fit)
+    friction, offset = fitted_friction(arm, fit), fitted_offset(fit)
 
     def rounded(found: Sequence[float]) -> list[float]:
         return [float(f'{value:.{_DIGITS}g}') for value in found]
@@ -192,13 +208,16 @@ def parameter_values(
         # N = 1: only N K_t was identified.
         values['actuator.gear_ratio'] = [1.0]
         values['actuator.torque_constant'] = rounded(gain.tolist())
-    if arm.drive is not None:
-        values['effort.command_scale'] = rounded(arm.drive.scale.tolist())
-        values['effort.command_offset'] = rounded(arm.drive.offset.tolist())
-    if arm.report is not None or (sign < 0.0).any():
-        report = arm.given_report
-        values['effort.report_scale'] = rounded((sign * report.scale).tolist())
-        values['effort.report_offset'] = rounded((gain * report.offset).tolist())
+    if arm.drive is not None or offset.any():
+        drive = arm.given_drive
+        values['effort.command_scale'] = rounded(drive.scale.tolist())
+        values['effort.command_offset'] = rounded(_with_offset(drive, offset).tolist())
+    if arm.report is not None or (sign < 0.0).any() or offset.any():
+        given_report = arm.given_report
+        report = replace(
+            given_report, scale=sign * given_report.scale, offset=gain * given_report.offset)
+        values['effort.report_scale'] = rounded(report.scale.tolist())
+        values['effort.report_offset'] = rounded(_with_offset(report, offset).tolist())
         if report.covariance is not None:
             slope = np.concatenate([sign, gain])
             C = report.covariance * np.outer(slope, slope)

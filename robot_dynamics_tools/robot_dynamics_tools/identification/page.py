@@ -13,8 +13,7 @@ from itertools import repeat
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.model.pseudo_inertia import COUNT
-from robot_dynamics.model.regressor import body_names, inertial_parameters
+from robot_dynamics.model.regressor import body_names, COUNT, inertial_parameters
 from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics_tools.analysis.report import GOOD, POOR, without_effort
 from robot_dynamics_tools.identification import summary

@@ -19,8 +19,8 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model import regressor
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
-from robot_dynamics.model.base_parameters import BaseParameters, find_base_parameters
 from robot_dynamics_tools.analysis.motion_filter import FilteredMotion
+from robot_dynamics_tools.base_parameters import BaseParameters, find_base_parameters
 from robot_dynamics_tools.identification import model_selection, recording_agreement, steps
 from robot_dynamics_tools.identification.drive_gains import (
     drive_gains,

@@ -13,10 +13,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.model.pseudo_inertia import COUNT, pseudo_inertia_matrix
+from robot_dynamics.model.regressor import COUNT
 from robot_dynamics_tools.identification import regularized_fit
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
 from robot_dynamics_tools.identification.qr_information import QrInformation
+from robot_dynamics_tools.pseudo_inertia import pseudo_inertia_matrix
 
 LEAST_RATIO = 2.0
 """Ratio of the residuals of a common model and of separate ones that is a contradiction."""

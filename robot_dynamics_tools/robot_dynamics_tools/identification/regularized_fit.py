@@ -30,7 +30,8 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.joints.friction_terms import LARGEST_LOAD_FRACTION
-from robot_dynamics.model import pseudo_inertia
+from robot_dynamics.model.regressor import COUNT
+from robot_dynamics_tools import pseudo_inertia
 from robot_dynamics_tools.estimation.effort_fit import Rows, stacked
 from robot_dynamics_tools.estimation.priors import body_prior
 from robot_dynamics_tools.identification import friction_regressor
@@ -259,7 +260,7 @@ def consistent_fit(factors: FloatArray, problem: Problem, start: Fit) -> Fit:
     """
     least_squares = optional('scipy.optimize', 'identification').least_squares
     prior, p = problem.prior, problem.prior.count
-    parts = [slice(i, i + pseudo_inertia.COUNT) for i in range(0, p, pseudo_inertia.COUNT)]
+    parts = [slice(i, i + COUNT) for i in range(0, p, COUNT)]
     regularization = max(problem.regularization, LEAST_REGULARIZATION)
     A, b, low, high = bounded_problem(factors, problem._replace(regularization=regularization))
     n, k, _ = factors.shape

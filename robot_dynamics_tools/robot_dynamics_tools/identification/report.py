@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.joints.friction import FRICTION_FIELDS
+from robot_dynamics.model.effort_deviation import EFFORT_OFFSET
 from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics.tools.command_line import make_directory, write_file
 from robot_dynamics_tools.identification import identified_arm, summary
@@ -61,11 +62,11 @@ def file_notes(identification: Identification, urdf: str) -> list[str]:
     notes = ['With command: none, the node publishes no effort until another command is set.']
     offsets = [
         f'{name} {offset:.3g}' for name, offset in zip(
-            arm.joint_names, identified_arm.fitted_friction(arm, fit).effort_bias) if offset]
+            arm.joint_names, identified_arm.fitted_offset(fit)) if offset]
     if offsets:
         notes.append(
             f'The offset F_b is part of every commanded effort: {", ".join(offsets)} (N·m or N). '
-            'If it is a bias of the effort sensor, set friction.effort_bias to 0.')
+            'If the effort sensor has it and the drive does not, set effort.command_offset to 0.')
     kept = identified_arm.kept_fractions(urdf, arm, fit.parameters)
     if kept:
         listed = ', '.join(f'{link} {100.0 * share:.3g} %' for link, share in kept.items())
@@ -135,7 +136,8 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
             {'joint': name, 'structure': str(models.problem.structures[j]),
              'reflected_inertia': float(models.consistent.joint_values[j, INERTIA]),
              **{field.name: float(getattr(friction, field.name)[j])
-                for field in FRICTION_FIELDS if field.heading}}
+                for field in FRICTION_FIELDS if field.heading},
+             EFFORT_OFFSET: float(identified_arm.fitted_offset(models.consistent)[j])}
             for j, name in enumerate(arm.joint_names)],
         'inertial_parameters': models.consistent.parameters.reshape(-1, 10).tolist(),
         'drive_gain': None if gains is None else {

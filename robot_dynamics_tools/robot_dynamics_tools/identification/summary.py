@@ -16,7 +16,7 @@ from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction
 from robot_dynamics.joints.parameter_field import ParameterField
 from robot_dynamics_tools.identification import drive_gains, friction_regressor
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
-from robot_dynamics_tools.identification.identified_arm import fitted_friction
+from robot_dynamics_tools.identification.identified_arm import fitted_friction, fitted_offset
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
 from robot_dynamics_tools.identification.pipeline import Identification, Observability
 from robot_dynamics_tools.identification.recording_agreement import factor_of
@@ -114,13 +114,14 @@ def residual_rows(identification: Identification) -> Rows:
 
 
 def friction_rows(identification: Identification) -> Rows:
-    """Return friction and rotor of each joint."""
+    """Return friction, offset of the effort and rotor of each joint."""
     arm, fit = identification.arm, identification.models.consistent
     friction = fitted_friction(arm, fit)
     return column_rows(
         'joint', arm.joint_names,
         *((field.heading, [_friction_cell(field, friction, j) for j in range(arm.joint_count)])
           for field in FRICTION_FIELDS if field.heading),
+        ('offset', cells(fitted_offset(fit), '.4g')),
         ('reflected inertia', cells(fit.joint_values[:, friction_regressor.INERTIA], '.4g')))
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.arrays import column_scale, FloatArray
-from robot_dynamics.model.base_parameters import BaseParameters
+from robot_dynamics_tools.base_parameters import BaseParameters
 from robot_dynamics_tools.estimation import effort_fit
 from robot_dynamics_tools.identification.friction_regressor import COLUMN_NAMES, INERTIA
 from robot_dynamics_tools.identification.qr_information import QrInformation

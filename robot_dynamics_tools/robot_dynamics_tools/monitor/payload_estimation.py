@@ -17,7 +17,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.model.pseudo_inertia import NAMES
+from robot_dynamics.model.regressor import NAMES
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, payload_to_ros
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
 from robot_dynamics_interfaces.srv import EstimatePayload

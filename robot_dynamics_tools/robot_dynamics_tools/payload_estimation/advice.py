@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.pseudo_inertia import COUNT, NAMES
-from robot_dynamics.model.regressor import LoadRegressor
+from robot_dynamics.model.regressor import COUNT, LoadRegressor, NAMES
 from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.model.worst_gravity import sample_positions
 from robot_dynamics_tools.payload_estimation.information import inverse_of

@@ -19,8 +19,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.effort_deviation import EffortDeviation
-from robot_dynamics.model.pseudo_inertia import COUNT
-from robot_dynamics.model.regressor import LoadRegressor
+from robot_dynamics.model.regressor import COUNT, LoadRegressor
 from robot_dynamics.validation import LARGEST_VALUE
 from robot_dynamics_tools.estimation import priors
 from robot_dynamics_tools.payload_estimation.information import solve

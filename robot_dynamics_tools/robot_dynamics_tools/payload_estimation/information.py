@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.model.pseudo_inertia import COUNT
+from robot_dynamics.model.regressor import COUNT
 from robot_dynamics_tools.estimation.effort_fit import fit_effort, NORMAL
 from robot_dynamics_tools.payload_estimation import variance_groups
 from robot_dynamics_tools.payload_estimation.rows import Column, LoadRows

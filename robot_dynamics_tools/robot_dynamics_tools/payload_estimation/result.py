@@ -12,12 +12,12 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model.payload_check import LEAST_DISTANCE, reach, REACH_MULTIPLE
-from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent, NAMES
-from robot_dynamics.model.regressor import LoadRegressor, random_states
+from robot_dynamics.model.regressor import COUNT, LoadRegressor, NAMES, random_states
 from robot_dynamics_tools.payload_estimation.advice import advise, Knowledge
 from robot_dynamics_tools.payload_estimation.information import inverse_of, Solution
 from robot_dynamics_tools.payload_estimation.rows import LoadRows
 from robot_dynamics_tools.payload_estimation.variance_groups import RestRows
+from robot_dynamics_tools.pseudo_inertia import is_consistent
 
 UNITS = ('kg', *('kg·m',) * 3, *('kg·m²',) * 6)
 OBSERVABLE, UNOBSERVABLE = 'observable', 'not observable'

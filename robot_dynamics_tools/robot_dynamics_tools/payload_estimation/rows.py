@@ -22,7 +22,7 @@ from itertools import chain
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
-from robot_dynamics.model.pseudo_inertia import COUNT
+from robot_dynamics.model.regressor import COUNT
 
 REST_VELOCITY = 0.01
 """Velocity [rad/s] or [m/s] below which a joint is at rest."""

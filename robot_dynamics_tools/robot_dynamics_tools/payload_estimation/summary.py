@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import math
 from typing import Any
 
-from robot_dynamics.model.pseudo_inertia import NAMES
+from robot_dynamics.model.regressor import NAMES
 from robot_dynamics_tools.payload_estimation.result import NO_EFFECT, PayloadEstimate, UNITS
 from robot_dynamics_tools.reporting.text_table import json_numbers, percent
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
-from robot_dynamics.model.pseudo_inertia import COUNT
+from robot_dynamics.model.regressor import COUNT
 from robot_dynamics_tools.estimation.effort_fit import Rows
 from robot_dynamics_tools.payload_estimation.rows import Column, COLUMNS, LoadRows, Rest
 

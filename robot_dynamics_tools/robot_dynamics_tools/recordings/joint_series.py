@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.joints.angle_wrapping import unwrapped
 from robot_dynamics.validation import LARGEST_VALUE
 from robot_dynamics_tools.recordings import sample_faults
 from robot_dynamics_tools.recordings.messages import FIELDS, RecordedState
@@ -67,7 +66,8 @@ class JointSeries:
         if self.position is None:
             return self
         return replace(self, position=np.concatenate([
-            unwrapped(self.position[rows], is_continuous) for rows in self.stretches()]))
+            np.where(is_continuous, np.unwrap(each, axis=0), each) for each in (
+                self.position[rows] for rows in self.stretches())]))
 
     def driven(self) -> 'JointSeries':
         """

@@ -20,9 +20,9 @@ from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.urdf.inertials import read_joint_origins
 from robot_dynamics.urdf.mesh_files import check_mesh_file, find_mesh, find_untrusted_mesh
-from robot_dynamics.urdf.visuals import Box, Mesh, read_visuals, Sphere, Visual
 from robot_dynamics_tools.pictures.arm_marks import ArmMarks
 from robot_dynamics_tools.viewer.views import newest_view, spread
+from robot_dynamics_tools.viewer.visuals import Box, Mesh, read_visuals, Sphere, Visual
 import trimesh
 from visualization_msgs.msg import Marker
 

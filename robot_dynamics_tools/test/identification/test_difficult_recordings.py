@@ -19,7 +19,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics_tools.analysis.motion_filter import filter_motion
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
-from robot_dynamics_tools.identification.identified_arm import fitted_friction
+from robot_dynamics_tools.identification.identified_arm import fitted_friction, fitted_offset
 from robot_dynamics_tools.identification.pipeline import identify
 from robot_dynamics_tools.identification.report import as_data
 from robot_dynamics_tools.identification.steps import evaluate_motion
@@ -62,7 +62,7 @@ def test_a_joint_that_moves_in_one_direction(joint, seed):
     friction = fitted_friction(UR5, found.models.consistent)
     true = FRICTION_FACTOR * np.median(np.abs(lugre_friction(states, seed)[:, joint]))
     assert friction.counterpart('friction')[joint] == pytest.approx(true, rel=0.2)
-    assert friction.effort_bias[joint] == 0.0
+    assert fitted_offset(found.models.consistent)[joint] == 0.0
     assert not_separable(found) == {name: ('offset',)}
     assert any(line.startswith(f'{name}: the joint moves in one direction only (0 % of its motion '
                                'forward, 100 % backward)') for line in warnings(found))

@@ -27,7 +27,6 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.pseudo_inertia import is_consistent
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_tools.analysis.motion_filter import filter_motion
@@ -43,6 +42,7 @@ from robot_dynamics_tools.identification.regression import (
 )
 from robot_dynamics_tools.identification.regularized_fit import Problem
 from robot_dynamics_tools.identification.uncertainty import estimate_parameters
+from robot_dynamics_tools.pseudo_inertia import is_consistent
 from robots import robot_urdf
 
 ARM = load_arm(default_arm_urdf())
@@ -112,34 +112,40 @@ def test_the_whole_way_predicts_new_samples(planar, found):
 def test_the_library_computes_what_was_reported(planar, found):
     motion = recorded(ARM, *planar[:2], noise=0.2)
     fit = found.models.consistent
-    dynamics = ArmDynamics(arm_from_parameters(
-        fitted_urdf(default_arm_urdf(), ARM, fit), parameter_values(ARM, fit)))
+    arm = arm_from_parameters(
+        fitted_urdf(default_arm_urdf(), ARM, fit), parameter_values(ARM, fit))
+    dynamics = ArmDynamics(arm)
     q, v, a = motion.position, motion.velocity, motion.acceleration
     load = dynamics.rigid_body.inverse_dynamics_batch(q, v, a)
     along = load + dynamics.friction_along(q, v, load)
     single = dynamics.inverse_dynamics_batch(q, v, a)
     for computed, reported in zip((along, single), model_effort(ARM, motion, fit)):
-        assert computed == pytest.approx(reported, rel=1e-8, abs=1e-7)
+        effort = arm.given_report.effort(computed)
+        assert effort == pytest.approx(reported, rel=1e-8, abs=1e-7)
 
 
-def test_drives_stay_in_the_parameters(found):
+def test_drives_stay_in_the_parameters_with_the_offset_of_the_fit(found):
     fit = found.models.consistent
-    report = make_effort_calibration(ARM.joint_names, [0.7, 1.3], [8.0, -4.0], ARM.limits.effort)
+    offset = fit.joint_values[:, 15]
+    report = make_effort_calibration(ARM.joint_names, [0.7, 1.3], [2.0, -1.0], ARM.limits.effort)
     command = make_effort_calibration(ARM.joint_names, [-2.0], [0.5], ARM.limits.effort)
     arm = replace(ARM.with_drive(command), report=report)
     given = {'effort.report_scale': [0.7, 1.3, 1.0], 'effort.command_scale': [-2.0] * 3}  # a hand
     values = parameter_values(arm, fit, given=given)
     assert values['effort.command_scale'] == [-2.0, -2.0]
-    assert values['effort.command_offset'] == [0.5, 0.5]
+    assert values['effort.command_offset'] == pytest.approx(0.5 - offset / 2.0)
     assert values['effort.report_scale'] == [0.7, 1.3]
-    assert values['effort.report_offset'] == [8.0, -4.0]
+    assert values['effort.report_offset'] == pytest.approx([2.0, -1.0] + offset / [0.7, 1.3])
     # τ = G s (i − o): as joint effort, the offset of the current i is G o
     values = parameter_values(arm, fit, [10.0, -5.0])
     assert values['effort.report_scale'] == [0.7, -1.3]
-    assert values['effort.report_offset'] == [80.0, -20.0]
+    assert values['effort.report_offset'] == pytest.approx([20.0, -5.0] + offset / [0.7, -1.3])
     assert values['actuator.torque_constant'] == [10.0, 5.0]
-    assert values['effort.command_offset'] == [0.5, 0.5]
-    assert not any(name.startswith('effort.') for name in parameter_values(ARM, fit))
+    large = fit.joint_values.copy()
+    large[:, 15] = 99.0, -1.0
+    values = parameter_values(ARM, replace(fit, joint_values=large))
+    assert values['effort.report_offset'] == values['effort.command_offset'] == [30.0, -1.0]
+    assert values['effort.command_scale'] == values['effort.report_scale'] == [1.0, 1.0]
 
 
 def test_rotors_are_written_on_the_joint_side(found):

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import read_bodies
 from robot_dynamics_tools.identification.identified_arm import identified_urdf, kept_fractions
+from robot_dynamics_tools.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
 from robots import robot_urdf
 
 PANDA_JOINTS = [f'panda_joint{i}' for i in range(1, 8)]

@@ -14,12 +14,23 @@ from robot_dynamics.model.regressor import (
     TorqueRegressor,
 )
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics_tools.base_parameters import find_base_parameters
 from robot_dynamics_tools.identification.friction_regressor import JointExcitation
 from robot_dynamics_tools.identification.pipeline import base_parameters_of
 from robot_dynamics_tools.identification.qr_information import merge, reduce_rows
 from robots import robot_urdf
 
 # --- base parameters -----------------------------------------------------------------------------
+
+
+def test_dependent_columns_are_regrouped():
+    rng = np.random.default_rng(2)
+    a, b = rng.normal(size=(2, 50))
+    base = find_base_parameters(
+        np.column_stack([a, np.zeros(50), 2.0 * a, b, a - 3.0 * b]), ['p', 'q', 'r', 's', 't'])
+    assert base.rank == 2
+    assert base.expressions == ('p + 2·r + t', 's - 3·t')
+    assert base.labels == ('p*', 's*')
 
 
 def test_base_parameters_of_a_real_arm():

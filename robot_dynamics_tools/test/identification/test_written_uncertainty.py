@@ -63,7 +63,8 @@ def test_errors_at_new_states_agree_with_the_deviations(cases):
         arm = loaded(found, values)
         dynamics = ArmDynamics(arm)
         deviation = EffortDeviation(dynamics, arm.uncertainty)
-        error = true - dynamics.inverse_dynamics_batch(new.q, new.v, new.a)
+        error = true - arm.given_report.effort(
+            dynamics.inverse_dynamics_batch(new.q, new.v, new.a))
         z.append(error / [deviation(*state) for state in zip(new.q, new.v, new.a)])
     z = np.array(z)
     for joint in range(2):
@@ -77,7 +78,8 @@ def share_inside(arm, q, v, a, measured):
     dynamics = ArmDynamics(arm)
     deviation = EffortDeviation(dynamics, arm.uncertainty)
     sigma = np.array([deviation.prediction(*each) for each in zip(q, v, a)])
-    is_inside = np.abs(measured - dynamics.inverse_dynamics_batch(q, v, a)) <= 2.0 * sigma
+    effort = arm.given_report.effort(dynamics.inverse_dynamics_batch(q, v, a))
+    is_inside = np.abs(measured - effort) <= 2.0 * sigma
     is_slow = np.abs(v) <= np.median(np.abs(v), axis=0)
     return np.array([(is_inside & part).sum(axis=0) / part.sum(axis=0)
                      for part in (is_slow, ~is_slow)])
@@ -138,7 +140,7 @@ def test_the_file_has_the_uncertainty_in_full(cases, tmp_path):
     a, b = (loaded(found, each).uncertainty for each in (values, read))
     assert a.root.tolist() == b.root.tolist()
     # the names are those of the joints' friction, and of base parameters
-    assert {'viscous(joint1)', 'effort_bias(joint2)', 'sigmoid(joint2)'} <= set(
+    assert {'viscous(joint1)', 'effort_offset(joint2)', 'sigmoid(joint2)'} <= set(
         read['uncertainty.parameters'])
 
 

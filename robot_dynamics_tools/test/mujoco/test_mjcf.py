@@ -176,11 +176,11 @@ def test_the_tool_writes_the_arm_of_urdf_and_parameters(tmp_path, capsys):
     urdf.write_text(default_arm_urdf(), encoding='utf-8')
     parameters.write_text(
         '/**:\n  ros__parameters:\n    joints: [joint1, joint2]\n    friction:\n'
-        '      coulomb: [2.0, 1.0]\n      effort_bias: [0.5, 0.0]\n', encoding='utf-8')
+        '      coulomb: [2.0, 1.0]\n      load_coefficient: [0.1, 0.0]\n', encoding='utf-8')
     arguments = ['--urdf', str(urdf), '--parameters', str(parameters)]
     assert main([*arguments, '--output', str(output)]) == 0
     assert capsys.readouterr() == (
-        '', 'export_mjcf: MuJoCo has no counterpart of the effort offset F_b\n')
+        '', 'export_mjcf: MuJoCo has no counterpart of the load-dependent friction\n')
     model = library('mujoco').MjModel.from_xml_path(str(output))
     assert model.dof_frictionloss.tolist() == [2.0, 1.0]
     assert main(arguments) == 0

@@ -7,9 +7,9 @@
 from arm_motions import States, with_inertial_parameters
 import numpy as np
 from robot_dynamics.model import ArmModel, RigidBody
-from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics_tools.analysis.motion_filter import filter_motion, FilteredMotion
+from robot_dynamics_tools.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 
 ROTORS = np.array([0.3, 0.1])

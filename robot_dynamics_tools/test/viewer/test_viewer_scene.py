@@ -13,7 +13,6 @@ import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.urdf.visuals import read_visuals
 from robot_dynamics_tools.monitor.markers import drawn
 from robot_dynamics_tools.pictures.arm_marks import ArmMarks
 from robots import must_have_everything, robot_path, robot_urdf
@@ -22,6 +21,7 @@ if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
     pytest.importorskip('trimesh', reason='the viewer needs trimesh')
 from robot_dynamics_tools.viewer.scene import ArmScene
+from robot_dynamics_tools.viewer.visuals import read_visuals
 import trimesh
 from viewer_bench import arm_called
 

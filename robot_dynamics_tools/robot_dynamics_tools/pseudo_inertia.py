@@ -22,10 +22,8 @@ coordinate each: Σ (exp 2d_i − 2 d_i − 1) + Σ u_ij².
 import numpy as np
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.model.regressor import COUNT
 
-COUNT = 10
-"""Number of parameters of a body."""
-NAMES = ('m', 'mx', 'my', 'mz', 'Ixx', 'Ixy', 'Iyy', 'Ixz', 'Iyz', 'Izz')
 _LEAST_MASS = 0.01
 """Fraction of the arm's mass that is the smallest assumed error of the mass of a body."""
 _LEAST_RADIUS = 0.03
