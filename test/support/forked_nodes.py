@@ -10,6 +10,7 @@ with the test run.
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 import ctypes
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -24,7 +25,7 @@ MODULES = ('robot_dynamics.ros.dynamics.node', 'robot_dynamics.ros.simulated_arm
            'robot_dynamics_tools.monitor.node', 'robot_dynamics_tools.mujoco.mujoco_arm')
 """The modules of the nodes that are forked."""
 SERVER = get_context('forkserver')
-SERVER.set_forkserver_preload(['forked_nodes', 'robot_dynamics.ros.entry_points', *MODULES])
+SERVER.set_forkserver_preload(['robot_dynamics.ros.entry_points', *MODULES])
 
 
 class ForkedNode:
@@ -56,12 +57,13 @@ class ForkedNode:
         return status
 
     def send_signal(self, number: int) -> None:
-        """Send a signal."""
-        os.kill(self.pid, number)
+        """Send a signal, unless the process has ended."""
+        with suppress(ProcessLookupError):
+            os.kill(self.pid, number)
 
     def kill(self) -> None:
         """Send SIGKILL."""
-        os.kill(self.pid, signal.SIGKILL)
+        self.send_signal(signal.SIGKILL)
 
 
 def _run(

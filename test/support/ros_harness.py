@@ -94,7 +94,9 @@ class NodeProcess:
         """
         self._directory = tempfile.TemporaryDirectory(prefix='robot_dynamics_test_')
         command = [*prefix, str(python), '-m', module, *arguments, '--ros-args']
-        self._module = '' if prefix or python != sys.executable else module
+        self._is_forked = module in MODULES and not prefix and python == sys.executable and (
+            'PYTHONPATH' not in (environment or {}))
+        self._module = module
         if parameters:
             file = write_parameters(Path(self._directory.name, 'parameters.yaml'), parameters)
             command += ['--params-file', str(file)]
@@ -116,10 +118,12 @@ class NodeProcess:
 
     def launch(self) -> 'NodeProcess':
         """Start the process; do not wait for it."""
-        self._process = ForkedNode(
-            self._module, self._command[3:], self._environment) if self._module in MODULES else (
-                popen(self._command, env=self._environment, text=True, errors='replace',
-                      stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT))
+        if self._is_forked:
+            self._process = ForkedNode(self._module, self._command[3:], self._environment)
+        else:
+            self._process = popen(
+                self._command, env=self._environment, text=True, errors='replace',
+                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self._reader = threading.Thread(target=self._read_log, daemon=True)
         self._reader.start()
         return self
