@@ -231,14 +231,11 @@ class MujocoSimulation:
         """
         check_released(self.braked)
         self.effort = tau
-        self._advance(duration, wrenches)
+        self.wait(duration, wrenches)
         return self.state
 
     def wait(self, duration: float, wrenches: Sequence[ExternalWrench] = ()) -> None:
-        """Hold the driven joints with the brakes for `duration` [s], while other bodies move."""
-        self._advance(duration, wrenches)
-
-    def _advance(self, duration: float, wrenches: Sequence[ExternalWrench]) -> None:
+        """Let `duration` [s] pass; engaged brakes hold the driven joints, other bodies move."""
         model, data = self.model, self.data
         steps = max(1, math.ceil(duration / self._timestep - 1e-9))
         model.opt.timestep = duration / steps
