@@ -185,10 +185,6 @@ class Page:
         return bool(is_inside and max(
             (right - left) / image['width'], (bottom - top) / image['height']) > 0.4)
 
-    def shows(self, colour: str) -> bool:
-        """Return whether the image soon contains a line of this colour."""
-        return self._soon(lambda picture: self.has(picture, colour))
-
     def has(self, picture: NDArray[np.float64], colour: str) -> bool:
         """Return whether there is a line of this colour."""
         rgb = np.array([int(colour[i:i + 2], 16) / 255.0 for i in (1, 3, 5)])
