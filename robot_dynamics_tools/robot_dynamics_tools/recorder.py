@@ -98,7 +98,7 @@ class Recorder:
         self._writer, self._time_ns = writer, time_ns
         self.span_ns: tuple[float, float] = (-math.inf, math.inf)
         """First and last stamp [ns] of the stamped messages to record; others are discarded."""
-        self._sources = [_Source(node, spec) for spec in topics]
+        self._sources = {spec.name: _Source(node, spec) for spec in topics}
         self.counts = {spec.name: TopicCount() for spec in topics}
         for spec in topics:
             writer.add_topic(spec.name, spec.type_name, spec.qos)
@@ -106,17 +106,16 @@ class Recorder:
     def drain(self) -> int:
         """Record all waiting messages, without an interrupt in between; return their number."""
         with uninterrupted():
-            return sum(self._drain(source) for source in self._sources)
+            return sum(map(self._drain, self._sources.values()))
 
     def wait(self, topic: str, seconds: float) -> None:
         """Wait at most so long until a message of this topic can be drained."""
-        source = next(source for source in self._sources if source.spec.name == topic)
-        source.inbox.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
+        self._sources[topic].inbox.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
 
     def close(self) -> None:
         """Record the waiting messages, and end the subscriptions."""
         self.drain()
-        for source in self._sources:
+        for source in self._sources.values():
             source.inbox.close()
         self._sources.clear()
 

@@ -23,7 +23,6 @@ NAMES = ('shoulder', 'elbow', 'wrist')
 
 SECOND = 1_000_000_000
 
-positive = st.floats(1e-3, 1e3)
 few = settings(max_examples=50)
 
 

@@ -19,7 +19,6 @@ ENDS: dict[str, Callable[[LockStep], None]] = {
     'deactivate': lambda one: one.loop.deactivate(one.now),
     'command: none': lambda one: with_command(one, 'none'),
 }
-ends = pytest.mark.parametrize('end', ENDS)
 
 
 @pytest.mark.parametrize('action', ['hold_then_silence', 'ramp_to_zero'])

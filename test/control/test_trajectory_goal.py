@@ -21,7 +21,8 @@ from robot_dynamics.control.trajectory_goal import (
     TrajectoryGoal,
 )
 from robot_dynamics.exceptions import TrajectoryError
-from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 
 WAY = 0.3
@@ -265,3 +266,39 @@ def test_default_tolerances_are_those_of_the_goal_only():
     assert tolerances.goal_time == 5.0
     given = default_tolerances(NAMES, np.array([0.0, 0.1, 0.2]))
     assert given.goal.tolist() == [math.inf, 0.1, 0.2]
+
+
+# --- references that were sent before a stop, a fault or a restart of the states -----------------
+
+@pytest.mark.parametrize(('end', 'words'), [
+    (lambda loop: loop.stop(), '~/stop was called'),
+    (lambda loop: loop.end(1.0, Ending.by(Fault('broken', 'words'))), 'fault broken: words'),
+    (lambda loop: loop.end(1.0, Ending(Kind.HOLD, 'restarted')), 'restarted')])
+@pytest.mark.parametrize('is_goal', [True, False])
+def test_what_ends_the_motion_refuses_a_goal_that_was_sent_before(end, words, is_goal):
+    """It comes while the trajectory is prepared, or before its goal is executed."""
+    bench = LockStep(load_arm(default_arm_urdf()), q=np.array([0.3, 0.3]))
+    bench.run(0.3)
+    names = bench.arm.joint_names
+    trajectory = make_trajectory(names, [0.0], [bench.q + 0.3], [], [], names)
+    loop, sent = bench.loop, bench.loop.goals.epoch
+    end(loop)
+    bench.run(0.1)  # the fault has ended
+    if is_goal:
+        def begin() -> object:
+            return loop.goals.execute(trajectory, 0, None, lambda: None, sent)
+    else:
+        def begin() -> object:
+            return loop.follow(trajectory)
+        prepare = loop.controller.prepare
+
+        def prepare_while_it_ends(trajectory: JointTrajectory) -> Any:
+            prepared = prepare(trajectory)
+            end(loop)
+            bench.run(0.1)
+            return prepared
+        loop.controller.prepare = prepare_while_it_ends
+    with pytest.raises(TrajectoryError, match=words):
+        begin()
+    assert loop.goals.goal is None
+    assert np.ptp(bench.run(0.5).q, axis=0).max() < 1e-3

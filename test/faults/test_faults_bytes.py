@@ -41,7 +41,8 @@ DAMAGE = (
 def damaged(message: Any) -> list[bytes]:
     """Return damaged forms of a message; test_message_bytes.py has more of them."""
     data = bytes_of(message)
-    return [*cut_short(data, type(message)), *with_lies(data), *with_noise(data, 50), *noise(20)]
+    lies = list(with_lies(data))[::3]
+    return [*cut_short(data, type(message)), *lies, *with_noise(data, 50), *noise(20)]
 
 
 @pytest.fixture(scope='module')

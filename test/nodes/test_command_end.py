@@ -22,7 +22,7 @@ ENDS = {
     'command: none': lambda client, _: client.set_parameters(
         '/ends/dynamics', {'command': 'none'}),
     **{one.name: lambda _, pid, one=one: os.kill(pid, one) for one in (
-        signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)}}
+        signal.SIGTERM, signal.SIGKILL)}}
 
 
 @pytest.mark.parametrize(('end', 'action'), [

@@ -73,11 +73,9 @@ def test_no_command_follows_an_invalid_state(client):
         good = JointState(name=NAMES, position=START, velocity=[0.0, 0.0])
         good.header.stamp = client.node.get_clock().now().to_msg()
         client.answer_to(states, good, commands)
-        for fields, words in (({'position': [0.1, float('nan')]}, 'position of'),
-                              ({'position': [0.1]}, 'position has')):
-            bad = JointState(**{'name': NAMES, 'velocity': [0.0, 0.0], **fields})
-            bad.header.stamp = client.node.get_clock().now().to_msg()
-            node.provoke(lambda bad=bad: states.publish(bad), f'Dropped a joint state: {words}')
+        bad = JointState(name=NAMES, position=[0.1, float('nan')], velocity=[0.0, 0.0])
+        bad.header.stamp = client.node.get_clock().now().to_msg()
+        node.provoke(lambda: states.publish(bad), 'Dropped a joint state: position of')
         assert all(message.header.stamp == good.header.stamp for message in commands.messages)
         node.wait_for_log('position_offset: drive.stiffness is empty')
         assert not offsets.messages
@@ -86,10 +84,6 @@ def test_no_command_follows_an_invalid_state(client):
 def test_the_drives_refuse_a_wrong_command(client):
     with NodeProcess(SIMULATED_ARM, DRIVES, namespace='/refusing') as arm:
         commands = client.publisher(JointState, '/refusing/dynamics/feed_forward')
-        for fields, words in (({'velocity': []}, 'velocity is empty'),
-                              ({'effort': [float('nan'), 0.0]}, "effort of 'joint1' is nan"),
-                              ({'position': [1.0]}, 'position has 1 values')):
-            message = JointState(**{
-                'name': NAMES, 'position': START, 'velocity': [0.0, 0.0], **fields})
-            arm.provoke(
-                lambda message=message: commands.publish(message), f'Rejected an effort: {words}')
+        arm.provoke(
+            lambda: commands.publish(JointState(name=NAMES, position=START, effort=[0.0, 0.0])),
+            'Rejected an effort: velocity is empty')

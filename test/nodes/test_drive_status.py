@@ -14,9 +14,6 @@ import pytest
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from ros_harness import KEEP_MANY, LONG
 from sensor_msgs.msg import JointState
-from simulated_arms import default_dynamics
-
-G = default_dynamics().rigid_body.gravity(np.array(START))
 
 
 def drives(message: Any, namespace: str) -> dict[str, str]:

@@ -6,7 +6,6 @@
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 import json
-from pathlib import Path
 import re
 import subprocess
 import sys
@@ -26,8 +25,6 @@ from ros_harness import (
     TIMEOUT,
     write_parameters,
 )
-
-ROOT = Path(__file__).parents[2]
 
 
 class Case(NamedTuple):

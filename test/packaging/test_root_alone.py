@@ -32,12 +32,12 @@ ROOT = Path(__file__).resolve().parents[2]
 REQUIRED = ('numpy', 'pin', 'pyyaml', 'setuptools')
 TEST_TOOLS = ('hypothesis', 'pytest')
 LIBRARY_TESTS = (
-    'control/test_control_law.py', 'control/test_controller_events.py',
+    'control/test_control_law.py', 'control/test_controller.py',
     'control/test_supervisor.py', 'joints', 'model/test_engines.py', 'model/test_public_input.py',
     'model/test_rigid_body.py', 'model_check/test_model_check.py', 'monitoring/test_state_age.py',
     'planar', 'references/test_active_trajectory.py',
     'references/test_jerk_profile.py', 'simulation/test_arm_simulation.py',
-    'simulation/test_brakes.py', 'task_space', 'trajectories/test_quintics.py',
+    'simulation/test_arm_simulation.py', 'task_space', 'trajectories/test_quintics.py',
     'trajectories/test_trajectory_efforts.py', 'urdf')
 """Quick tests of each folder of the library, and those that compare with other libraries."""
 ABSENT = ('scipy', 'mujoco', 'pydrake', 'ruckig', 'example-robot-data')

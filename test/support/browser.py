@@ -29,9 +29,6 @@ OPTIONS = (
 SIZE = {'width': 1000, 'height': 600}
 PATIENCE = 1000.0 * LONG
 """Timeout [ms]; rendering many triangles at low priority takes seconds."""
-CLOSE = 0.12
-"""Tolerance per colour component between the specified and the rendered colour of a line."""
-FEWEST_PIXELS = 12
 NARROW = {'width': 400, 'height': 800}
 """A telephone."""
 CUT_OFF = """() => {
@@ -184,15 +181,6 @@ class Page:
             and bottom <= image['height'])
         return bool(is_inside and max(
             (right - left) / image['width'], (bottom - top) / image['height']) > 0.4)
-
-    def shows(self, colour: str) -> bool:
-        """Return whether the image soon contains a line of this colour."""
-        return self._soon(lambda picture: self.has(picture, colour))
-
-    def has(self, picture: NDArray[np.float64], colour: str) -> bool:
-        """Return whether there is a line of this colour."""
-        rgb = np.array([int(colour[i:i + 2], 16) / 255.0 for i in (1, 3, 5)])
-        return int((np.abs(picture - rgb).max(axis=2) < CLOSE).sum()) > FEWEST_PIXELS
 
     def differs_from(self, before: NDArray[np.float64], fraction: float) -> bool:
         """Return whether at least this fraction of the image soon changes, with some delay."""

@@ -129,18 +129,6 @@ class CartesianArm:
             way.append(moved[axis] / size)
         return np.array(way)
 
-    def pushed(self, axis: int, force: float, pulse: float, seconds: float) -> FloatArray:
-        """Push the frame along an axis for `pulse` [s]; return its displacement (m,) [m]."""
-        self.run(0.1)
-        start = self.kinematics.pose(self.q)[0][axis]
-        self.push = lambda q: force * self.kinematics.jacobian(q)[2][axis]
-        rows = [self.run(pulse)]
-        self.push = lambda q: 0.0
-        if np.abs(self.v).max() < DIVERGED:
-            rows.append(self.run(seconds - pulse))
-        return np.array([
-            self.kinematics.pose(q)[0][axis] - start for q, _ in np.concatenate(rows)])
-
     def press_on_a_wall(
         self, stiffness: float, normal: npt.ArrayLike = (0.0, 0.0, 1.0),
     ) -> FloatArray:

@@ -7,7 +7,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import numpy.testing as npt
-from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar import planar_arm_urdf, PlanarChain
 
 
@@ -17,11 +16,6 @@ def random_chain(seed, n):
     return PlanarChain(
         rng.uniform(0.5, 5.0, n), lengths, lengths * rng.uniform(0.1, 1.0, n),
         rng.uniform(0.01, 0.5, n))
-
-
-def arm_of(chain, **more):
-    """Return the chain as an arm."""
-    return load_arm(urdf_of(chain), **more)
 
 
 def urdf_of(chain, **more):

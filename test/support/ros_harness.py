@@ -25,6 +25,7 @@ from blocked_ends import is_excused
 from bounded_waits import Collector, has_stamp, wait_until
 from children import LONG as LONG
 from children import popen, TIMEOUT
+from forked_nodes import ForkedNode, MODULES
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 import rclpy
 from rclpy.context import Context
@@ -93,6 +94,9 @@ class NodeProcess:
         """
         self._directory = tempfile.TemporaryDirectory(prefix='robot_dynamics_test_')
         command = [*prefix, str(python), '-m', module, *arguments, '--ros-args']
+        self._is_forked = module in MODULES and not prefix and python == sys.executable and (
+            'PYTHONPATH' not in (environment or {}))
+        self._module = module
         if parameters:
             file = write_parameters(Path(self._directory.name, 'parameters.yaml'), parameters)
             command += ['--params-file', str(file)]
@@ -114,9 +118,12 @@ class NodeProcess:
 
     def launch(self) -> 'NodeProcess':
         """Start the process; do not wait for it."""
-        self._process = popen(
-            self._command, env=self._environment, text=True, errors='replace',
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        if self._is_forked:
+            self._process = ForkedNode(self._module, self._command[3:], self._environment)
+        else:
+            self._process = popen(
+                self._command, env=self._environment, text=True, errors='replace',
+                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self._reader = threading.Thread(target=self._read_log, daemon=True)
         self._reader.start()
         return self

@@ -130,8 +130,8 @@ class _Animation:
         self._stage.draw_trail(self._trail[since:until])
         self._stage.draw_links(now)
         for joint, force, moment in zip(now.joint_position, now.force, now.tau):
-            self._stage.draw_force(joint, force)
-            self._stage.draw_moment(joint, moment)
+            self._stage.draw_arrow('force', joint, force)
+            self._stage.draw_arc('moment', joint, moment)
         self._stage.draw_keys()
 
     def _show_passes(self, k: int) -> Iterator[None]:
@@ -161,13 +161,14 @@ class _Animation:
         stage = self._stage
         stage.draw_links(now, i)
         for link in range(i + 1):
-            stage.draw_rate(now.joint_position[link], now.omega[link], f'$\\omega_{link + 1}$')
-            stage.draw_acceleration(
-                now.com_position[link], now.com_acceleration[link],
+            stage.draw_arc(
+                'rate', now.joint_position[link], now.omega[link], f'$\\omega_{link + 1}$')
+            stage.draw_arrow(
+                'acceleration', now.com_position[link], now.com_acceleration[link],
                 f'$\\dot v_{{C{link + 1}}}$')
         if not last:
-            stage.draw_acceleration(
-                now.joint_position[i + 1], now.joint_acceleration[i + 1],
+            stage.draw_arrow(
+                'acceleration', now.joint_position[i + 1], now.joint_acceleration[i + 1],
                 f'$\\dot v_{{{i + 2}}}$', chain_stage.NEXT_ACCELERATION)
         stage.draw_keys(accelerations=True)
 
@@ -185,15 +186,18 @@ class _Animation:
             f'$\\tau_{own} = {moment}$ = {_number(now.tau[i])} N·m', scales)
         stage = self._stage
         stage.draw_links(now, i)
-        stage.draw_force(
-            now.com_position[i], self._view.weight(i), f'$m_{i + 1}\\,g$', chain_stage.WEIGHT)
+        stage.draw_arrow(
+            'force', now.com_position[i], self._view.weight(i), f'$m_{i + 1}\\,g$',
+            chain_stage.WEIGHT)
         for joint in range(i, n):
             at, pale = now.joint_position[joint], joint > i
-            stage.draw_force(at, now.force[joint], '' if pale else f'$f_{joint + 1}$', pale=pale)
-            stage.draw_moment(
-                at, now.tau[joint], '' if pale else f'$\\tau_{joint + 1}$', pale=pale)
+            stage.draw_arrow(
+                'force', at, now.force[joint], '' if pale else f'$f_{joint + 1}$', pale=pale)
+            stage.draw_arc(
+                'moment', at, now.tau[joint], '' if pale else f'$\\tau_{joint + 1}$', pale)
         if i + 1 < n:
-            stage.draw_force(now.joint_position[i + 1], -now.force[i + 1], f'$-f_{i + 2}$')
+            stage.draw_arrow(
+                'force', now.joint_position[i + 1], -now.force[i + 1], f'$-f_{i + 2}$')
         stage.draw_keys()
 
 

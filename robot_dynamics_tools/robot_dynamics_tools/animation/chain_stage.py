@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LINK, PALE_LINK, TRAIL = '#4D4D4D', '#C8C8C8', '#B0B0B0'
-FORCE, MOMENT, ACCELERATION, RATE, WEIGHT = VERMILION, PURPLE, BLUE, GREEN, GREY
-NEXT_ACCELERATION = SKY
-"""Colour of the acceleration that a link transmits to the next joint."""
+COLOURS = {'force': VERMILION, 'moment': PURPLE, 'acceleration': BLUE, 'rate': GREEN}
+WEIGHT, NEXT_ACCELERATION = GREY, SKY
+"""Colours of a weight, and of the acceleration that a link transmits to the next joint."""
 _ROUNDEST = 1.6 * np.pi
 """Angle [rad] of the arc of the largest moment."""
 _SMALLEST_ARC = 0.2
@@ -110,52 +110,55 @@ class ChainStage:
 
     # ------------------------------------------------------------------ what acts
 
-    def draw_force(
-        self, at: FloatArray, force: FloatArray, label: str = '', colour: str = FORCE,
+    def draw_arrow(
+        self, kind: str, at: FloatArray, vector: FloatArray, label: str = '', colour: str = '',
         pale: bool = False,
     ) -> None:
-        """Draw a force (2,) [N] that acts at a point (2,) [m]."""
-        self._arrow(at, force / self._scales.force, colour, label, pale)
+        """Draw a `force` (2,) [N] or an `acceleration` (2,) [m/s²] of a point (2,) [m]."""
+        way = vector / getattr(self._scales, kind)
+        length, colour = float(np.linalg.norm(way)), colour or COLOURS[kind]
+        if length < _TINY * self._reach:
+            return
+        self._label(at + (1.0 + 0.07 * self._reach / length) * way, label, colour)
+        self._along(np.array([at, at + way]), length, colour, pale)
 
-    def draw_acceleration(
-        self, at: FloatArray, acceleration: FloatArray, label: str = '',
-        colour: str = ACCELERATION,
+    def draw_arc(
+        self, kind: str, middle: FloatArray, value: float, label: str = '', pale: bool = False,
+        size: float = 0.13,
     ) -> None:
-        """Draw the acceleration (2,) [m/s²] of a point (2,) [m]."""
-        self._arrow(at, acceleration / self._scales.acceleration, colour, label)
+        """
+        Draw a `moment` [N·m] or a `rate` [rad/s] about a point: clockwise from above if positive.
 
-    def draw_moment(
-        self, at: FloatArray, moment: float, label: str = '', pale: bool = False,
-    ) -> None:
-        """Draw a moment [N·m] about a point."""
-        self._arc(at, moment / self._scales.moment, 0.13 * self._reach, MOMENT, label, pale)
-
-    def draw_rate(self, at: FloatArray, rate: float, label: str = '') -> None:
-        """Draw an angular velocity [rad/s] about a point."""
-        self._arc(at, rate / self._scales.rate, 0.13 * self._reach, RATE, label)
+        `size` is the radius as a fraction of the reach.
+        """
+        angle, radius = value / getattr(self._scales, kind), size * self._reach
+        if abs(angle) < _SMALLEST_ARC:
+            return
+        beside = np.copysign(np.clip(0.5 * abs(angle), *_LABELS), angle)
+        self._label(middle + (radius + 0.08 * self._reach) * np.array(
+            [np.sin(beside), np.cos(beside)]), label, COLOURS[kind])
+        phi = np.linspace(0.0, angle, 40)
+        self._along(middle + radius * np.column_stack([np.sin(phi), np.cos(phi)]),
+                    radius * min(1.0, 0.5 * abs(angle)), COLOURS[kind], pale)
 
     # ------------------------------------------------------------------ the keys
 
     def draw_keys(self, accelerations: bool = False) -> None:
         """Draw example arrows of round values: forces and moments, or motion."""
-        scales, reach = self._scales, self._reach
-        if accelerations:
-            rows = (('acceleration', 'm/s²', scales.acceleration, ACCELERATION, False),
-                    ('angular velocity', 'rad/s', scales.rate, RATE, True))
-        else:
-            rows = (('force', 'N', scales.force, FORCE, False),
-                    ('moment', 'N·m', scales.moment, MOMENT, True))
-        for column, (name, unit, scale, colour, turns) in enumerate(rows):
-            at = np.array([(-1.16 + 1.16 * column) * reach, _KEY_ROW * reach])
-            size = round_number((2.4 if turns else 0.3 * reach) * scale)
-            if turns:
-                middle = at + np.array([0.1 * reach, -0.02 * reach])
-                self._arc(middle, size / scale, 0.08 * reach, colour)
+        reach = self._reach
+        vector, turn = (('acceleration', 'acceleration', 'm/s²'), (
+            'rate', 'angular velocity', 'rad/s')) if accelerations else (
+                ('force', 'force', 'N'), ('moment', 'moment', 'N·m'))
+        for x, gap, room, (kind, name, unit) in ((-1.16, 0.36, 0.3 * reach, vector),
+                                                 (0.0, 0.24, 2.4, turn)):
+            at = np.array([x * reach, _KEY_ROW * reach])
+            size = round_number(room * getattr(self._scales, kind))
+            if kind == turn[0]:
+                self.draw_arc(kind, at + np.array([0.1, -0.02]) * reach, size, size=0.08)
             else:
-                self._arrow(at, np.array([size / scale, 0.0]), colour)
+                self.draw_arrow(kind, at, np.array([size, 0.0]))
             self._drawn.append(self._axes.text(
-                at[0] + (0.24 if turns else 0.36) * reach, at[1], f'{name} {size:g} {unit}',
-                va='center', fontsize=10))
+                at[0] + gap * reach, at[1], f'{name} {size:g} {unit}', va='center', fontsize=10))
 
     # ------------------------------------------------------------------ strokes
 
@@ -172,15 +175,6 @@ class ChainStage:
             *at, marker=marker, markersize=size, markerfacecolor=face, markeredgecolor=edge,
             markeredgewidth=1.4, zorder=layer)
 
-    def _arrow(
-        self, at: FloatArray, way: FloatArray, colour: str, label: str = '', pale: bool = False,
-    ) -> None:
-        length = float(np.linalg.norm(way))
-        if length < _TINY * self._reach:
-            return
-        self._label(at + (1.0 + 0.07 * self._reach / length) * way, label, colour)
-        self._along(np.array([at, at + way]), length, colour, pale)
-
     def _along(self, points: FloatArray, length: float, colour: str, pale: bool) -> None:
         """Draw an arrow of a length [m] along points (k, 2)."""
         from matplotlib.patches import FancyArrowPatch
@@ -196,17 +190,3 @@ class ChainStage:
             self._drawn.append(self._axes.text(
                 at[0], at[1], label, color=colour, fontsize=11, ha='center', va='center', zorder=9,
                 bbox={'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.75, 'pad': 0.6}))
-
-    def _arc(
-        self, middle: FloatArray, angle: float, radius: float, colour: str, label: str = '',
-        pale: bool = False,
-    ) -> None:
-        """Draw an arc from above the middle, clockwise where the angle [rad] is positive."""
-        if abs(angle) < _SMALLEST_ARC:
-            return
-        beside = np.copysign(np.clip(0.5 * abs(angle), *_LABELS), angle)
-        self._label(middle + (radius + 0.08 * self._reach) * np.array(
-            [np.sin(beside), np.cos(beside)]), label, colour)
-        phi = np.linspace(0.0, angle, 40)
-        self._along(middle + radius * np.column_stack([np.sin(phi), np.cos(phi)]),
-                    radius * min(1.0, 0.5 * abs(angle)), colour, pale)

@@ -30,7 +30,6 @@ from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.reporting.progress import Progress
 
-LONGEST_DURATION = 600.0
 SIMULATED_SPEED, RECORDED_SPEED = 0.5, 1.0
 CUTOFF = 5.0
 """Cut-off frequency [Hz] of the filter of recorded motions."""
@@ -54,11 +53,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='Joints with parallel axes (default: all); the other joints are locked')
     parser.add_argument(
         '--from', **options.number(0.0, 'S', 'Start time in the recording [s]', dest='start'))
-    parser.add_argument('--duration', **options.number(5.0, 'S', 'Duration of the motion [s]'))
+    parser.add_argument('--duration', **options.number(
+        5.0, 'S', 'Duration of the motion [s]', options.number_in(0.1, 600.0)))
     parser.add_argument('--speed', **options.number(
         None, 'X', 'Playback speed as a multiple of real time (default: '
-        f'{SIMULATED_SPEED:g}, for a recording {RECORDED_SPEED:g})'))
-    parser.add_argument('--rate', **options.number(12.0, 'HZ', 'Frame rate [Hz]'))
+        f'{SIMULATED_SPEED:g}, for a recording {RECORDED_SPEED:g})',
+        options.number_in(0.01, 100.0)))
+    parser.add_argument('--rate', **options.number(
+        12.0, 'HZ', 'Frame rate [Hz]', options.number_in(1.0, 50.0)))
     parser.add_argument('--stop', **options.number(
         None, 'S', 'Times of the pauses that show the passes of the recursion [s]; no pause '
         'without a value (default: one pause)', nargs='*'))
@@ -68,12 +70,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    duration = check_scalar('--duration', arguments.duration, 0.1, LONGEST_DURATION)
-    rate = check_scalar('--rate', arguments.rate, 1.0, 50.0)
-    recorded = arguments.bag is not None
-    speed = arguments.speed if arguments.speed is not None else (
-        RECORDED_SPEED if recorded else SIMULATED_SPEED)
-    speed = check_scalar('--speed', speed, 0.01, 100.0)
+    duration, rate, recorded = arguments.duration, arguments.rate, arguments.bag is not None
+    speed = arguments.speed or (RECORDED_SPEED if recorded else SIMULATED_SPEED)
     if arguments.topic is not None and not recorded:
         raise InvalidInputError(
             '--topic is given without a recording; it is a topic of the recording')

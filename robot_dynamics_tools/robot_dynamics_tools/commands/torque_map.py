@@ -26,7 +26,6 @@ from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model_check.html_page import Verdict
 from robot_dynamics.tools import command_line
-from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools import options
 from robot_dynamics_tools.animation.torque_tour import torque_frames
 from robot_dynamics_tools.animation.video import FORMATS as VIDEO
@@ -44,7 +43,6 @@ PAGE = '.html'
 FORMATS = ('.png', '.pdf', '.svg', PAGE)
 MOVING_SAMPLES = 41
 """Positions of each joint in an animation."""
-MOST_SAMPLES = 1001
 DEFAULT_ARM = 'the planar two-link arm of this package'
 STEPS = 3
 """Steps of the progress display: computed, drawn, written."""
@@ -79,7 +77,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         None, 'X', 'Positions along the axes at which the arm is drawn; may be repeated (default: '
         f'{POSES} × {POSES} evenly spaced poses)', nargs=2, action='append'))
     parser.add_argument('--samples', **options.number(
-        torque_grid.SAMPLES, 'N', 'Number of positions of each of the two joints', int))
+        torque_grid.SAMPLES, 'N', 'Number of positions of each of the two joints',
+        options.number_in(3, 1001, int)))
     options.add_output(parser, 'FILE', (
         f'Output file: {", ".join(FORMATS)}; {PAGE} is a report with a verdict per joint; '
         f'{", ".join(VIDEO)} for {MOTION}: an animation of the arm and its efforts in motion '
@@ -154,8 +153,7 @@ def _map(
     arguments: argparse.Namespace, arm: ArmModel, load: str, on_computed: Callable[[], object],
 ) -> tuple[Any, str, list[Verdict]]:
     """Return the figure of a map over two joints, its summary, and the verdicts."""
-    samples = int(check_scalar('--samples', arguments.samples, 3, MOST_SAMPLES))
-    grid = torque_grid.make_grid(arm, arguments.joints, arguments.position, samples)
+    grid = torque_grid.make_grid(arm, arguments.joints, arguments.position, arguments.samples)
     named = [torque_grid.joint_index(arm, '--at', name) for name in arguments.at]
     shown = named or list(grid.joints)
     values, title = _values(arguments, arm, grid)

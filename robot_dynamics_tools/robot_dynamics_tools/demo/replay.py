@@ -10,11 +10,11 @@ import time
 from rclpy.qos import QoSProfile
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
-from robot_dynamics.ros.middleware.conversions import floats_to_ros, stamp_to_ros
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
 from robot_dynamics_tools.demo.session import DESCRIPTION, recording_session, Session
 from robot_dynamics_tools.processes import DYNAMICS, NodeError
 from robot_dynamics_tools.recordings.joint_series import JointSeries
+from robot_dynamics_tools.recordings.messages import joint_state_messages
 from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.reporting.progress import Progress
 from sensor_msgs.msg import JointState
@@ -90,7 +90,9 @@ class Playback:
 
     def __init__(self, session: Session, series: JointSeries) -> None:
         """Take a session that records the topic GRAVITY with the stamps of answered states."""
-        self._session, self._series = session, series
+        self._session, self._stamps = session, series.stamps_ns.tolist()
+        self._messages = joint_state_messages(
+            series.stamps_ns, series.joint_names, series.position, series.velocity, series.effort)
         self._publisher = session.node.create_publisher(
             JointState, Session.JOINT_STATES, QoSProfile(depth=1))
 
@@ -107,13 +109,13 @@ class Playback:
         Raises NodeError if a state gets no response, or the node ends.
         """
         start, resent = time.monotonic(), 0
-        for i in range(len(self._series.stamps_ns)):
+        for i, state in enumerate(zip(self._stamps, self._messages)):
             if rate is not None:
                 self._receive_until(start + i / rate)
-            resent += self._ask(i)
+            resent += self._ask(*state)
             on_progress(i + 1)
-        count, seconds = len(self._series.stamps_ns), time.monotonic() - start
-        return f'{count} states played in {seconds:.1f} s, all answered ({resent} retransmitted)'
+        return (f'{len(self._stamps)} states played in {time.monotonic() - start:.1f} s, all '
+                f'answered ({resent} retransmitted)')
 
     def _receive_until(self, deadline: float, stamp: int | None = None) -> bool:
         """Record until the deadline; return early and True at the answer with this stamp."""
@@ -125,9 +127,8 @@ class Playback:
                 return True
         return False
 
-    def _ask(self, i: int) -> int:
+    def _ask(self, stamp: int, state: bytes) -> int:
         """Publish a state until it is answered; return the number of retransmissions."""
-        stamp, state = int(self._series.stamps_ns[i]), self._message(i)
         for resent in range(MOST_RESENT):
             self._publisher.publish(state)
             if self._receive_until(time.monotonic() + RESEND_PERIOD, stamp):
@@ -135,16 +136,6 @@ class Playback:
         raise NodeError(
             f'the state of stamp {stamp} ns got no answer on {Session.GRAVITY} in '
             f'{MOST_RESENT * RESEND_PERIOD:g} s.\n{self._session.processes.logs()}')
-
-    def _message(self, i: int) -> JointState:
-        series = self._series
-        message = JointState(name=list(series.joint_names))
-        message.header.stamp = stamp_to_ros(int(series.stamps_ns[i]))
-        for field in ('position', 'velocity', 'effort'):
-            values = getattr(series, field)
-            if values is not None:
-                setattr(message, field, floats_to_ros(values[i]))
-        return message
 
 
 def _recorded_arm(urdf: str, series: JointSeries) -> ArmModel:

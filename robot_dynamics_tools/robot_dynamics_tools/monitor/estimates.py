@@ -48,8 +48,8 @@ class Estimates:
         self.template = state_template(model.arm.joint_names, has_motion=False)
         dynamics = ArmDynamics(model.arm)
         self._external = ExternalEffort(dynamics, model.values['external_effort_bandwidth'])
-        self._residual = LiveResidual(dynamics, values['residual_bandwidth'])
-        self._all: tuple[ExternalEffort | LiveResidual, ...] = (self._external, self._residual)
+        self.residual = LiveResidual(dynamics, values['residual_bandwidth'])
+        self._all: tuple[ExternalEffort | LiveResidual, ...] = (self._external, self.residual)
         self.wrench = ExternalWrenchEstimator(
             dynamics, self._external, values['external_wrench.frame'] or tool_link(model.arm),
             values['external_wrench.largest_force'], values['external_wrench.largest_torque'])
@@ -61,10 +61,6 @@ class Estimates:
         for estimator in self._all:
             estimator.set_dynamics(dynamics)
         self.wrench.set_dynamics(dynamics)
-
-    def set_residual_bandwidth(self, bandwidth: float) -> None:
-        """Continue with another cut-off frequency [Hz] of the residual."""
-        self._residual.set_bandwidth(bandwidth)
 
     def restart(self) -> None:
         """Reset all estimators at the next state."""

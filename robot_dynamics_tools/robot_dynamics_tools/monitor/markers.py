@@ -9,6 +9,7 @@ the executor. Without subscribers, no state is stored and the timer is stopped. 
 are those of `effort_command`, or g(q) without a command.
 """
 
+from collections.abc import Iterable, Sequence
 import time
 from typing import Any, NamedTuple
 
@@ -157,25 +158,25 @@ def drawn(
     """
     marks.move(q)
     places, limit = marks.joints(), arm.limits.effort
-    full = effort_scale(effort, limit)
+    full, width = effort_scale(effort, limit), (0.12 * marks.size, 0.0, 0.0)
     markers = []
     for i, (place, fraction) in enumerate(zip(places, (effort / full).tolist())):
-        unit = 'N' if place.slides else 'N·m'
-        colour = _colour_of(abs(fraction), bool(np.isfinite(limit[i])))
-        markers.append(_line('effort', i, effort_line(place, fraction, marks.size), marks, colour))
-        markers.append(_text(
-            i, place.origin + 1.2 * marks.size * place.axis,
-            f'{round(effort[i], 1) + 0.0:.1f} {unit}', marks))
+        markers.append(_marker(
+            'effort', i, Marker.LINE_STRIP, _colour_of(abs(fraction), bool(np.isfinite(limit[i]))),
+            width, points=effort_line(place, fraction, marks.size)))
+        markers.append(_marker(
+            'effort in numbers', i, Marker.TEXT_VIEW_FACING, figures.GREY,
+            (0.0, 0.0, 0.5 * marks.size), place.origin + 1.2 * marks.size * place.axis,
+            text=f'{round(effort[i], 1) + 0.0:.1f} {"N" if place.slides else "N·m"}'))
     if external is not None:
-        for i, (place, fraction) in enumerate(zip(places, (external / full).tolist())):
-            line = effort_line(place, fraction, 1.3 * marks.size)
-            markers.append(_line('external effort', i, line, marks, figures.PURPLE))
-    for i, ball in enumerate(marks.payloads()):
-        marker = _marker('payload', i, Marker.SPHERE, figures.GREY, 2.0 * ball.radius)
-        marker.scale.y = marker.scale.z = 2.0 * ball.radius
-        marker.pose.position = _point(ball.centre)
-        marker.color.a = 0.6
-        markers.append(marker)
+        markers += [
+            _marker('external effort', i, Marker.LINE_STRIP, figures.PURPLE, width,
+                    points=effort_line(place, fraction, 1.3 * marks.size))
+            for i, (place, fraction) in enumerate(zip(places, (external / full).tolist()))]
+    markers += [
+        _marker('payload', i, Marker.SPHERE, figures.GREY, 3 * (2.0 * ball.radius,), ball.centre,
+                opacity=0.6)
+        for i, ball in enumerate(marks.payloads())]
     return MarkerArray(markers=markers + _at_link(marks, wrench))
 
 
@@ -186,12 +187,12 @@ def _at_link(marks: ArmMarks, wrench: FloatArray | None) -> list[Marker]:
         _arrow('frame axes', i, colour, origin, origin + 1.5 * marks.size * R[:, i], 0.1, marks)
         for i, colour in enumerate(AXES)]
     half_axes, U = marks.manipulability()
-    ellipsoid = _marker('manipulability', 0, Marker.SPHERE, figures.GREEN, 0.0)
-    ellipsoid.pose.position, ellipsoid.color.a = _point(origin), 0.25
-    turn, size = ellipsoid.pose.orientation, ellipsoid.scale
+    ellipsoid = _marker(
+        'manipulability', 0, Marker.SPHERE, figures.GREEN,
+        np.maximum(2.0 * MANIPULABILITY_SCALE * half_axes, 0.02 * marks.size).tolist(), origin,
+        opacity=0.25)
+    turn = ellipsoid.pose.orientation
     turn.x, turn.y, turn.z, turn.w = pin.Quaternion(U).coeffs().tolist()
-    size.x, size.y, size.z = np.maximum(
-        2.0 * MANIPULABILITY_SCALE * half_axes, 0.02 * marks.size).tolist()
     markers.append(ellipsoid)
     if wrench is None:
         return markers
@@ -214,37 +215,31 @@ def _colour_of(fraction: float, has_limit: bool) -> str:
     return figures.BLUE if fraction < WARM else figures.ORANGE
 
 
-def _line(namespace: str, i: int, line: FloatArray, marks: ArmMarks, colour: str) -> Marker:
-    marker = _marker(namespace, i, Marker.LINE_STRIP, colour, 0.12 * marks.size)
-    marker.points = [_point(point) for point in line]
-    return marker
-
-
-def _text(i: int, place: FloatArray, text: str, marks: ArmMarks) -> Marker:
-    marker = _marker('effort in numbers', i, Marker.TEXT_VIEW_FACING, figures.GREY, 0.0)
-    marker.text, marker.scale.z = text, 0.5 * marks.size
-    marker.pose.position = _point(place)
-    return marker
-
-
 def _arrow(
     namespace: str, i: int, colour: str, start: FloatArray, end: FloatArray, width: float,
     marks: ArmMarks,
 ) -> Marker:
     """Return an arrow whose shaft has a width in radii of an arc; a short one is all head."""
-    marker = _marker(namespace, i, Marker.ARROW, colour, width * marks.size)
-    marker.scale.y = 2.4 * width * marks.size
-    marker.scale.z = min(3.2 * width * marks.size, float(np.linalg.norm(end - start)))
-    marker.points = [_point(start), _point(end)]
-    return marker
+    width *= marks.size
+    head = min(3.2 * width, float(np.linalg.norm(end - start)))
+    return _marker(
+        namespace, i, Marker.ARROW, colour, (width, 2.4 * width, head), points=(start, end))
 
 
-def _marker(namespace: str, i: int, kind: int, colour: str, width: float) -> Marker:
-    marker = Marker(ns=namespace, id=i, type=kind, action=Marker.ADD, lifetime=LIFETIME)
+def _marker(
+    namespace: str, i: int, kind: int, colour: str, size: Sequence[float],
+    place: FloatArray | None = None, points: Iterable[FloatArray] = (), text: str = '',
+    opacity: float = 1.0,
+) -> Marker:
+    marker = Marker(
+        ns=namespace, id=i, type=kind, action=Marker.ADD, lifetime=LIFETIME, text=text,
+        points=list(map(_point, points)))
     marker.pose.orientation.w = 1.0
-    marker.scale.x = width
+    if place is not None:
+        marker.pose.position = _point(place)
+    marker.scale.x, marker.scale.y, marker.scale.z = size
     red, green, blue = (int(colour[i:i + 2], 16) / 255.0 for i in (1, 3, 5))
-    marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
+    marker.color = ColorRGBA(r=red, g=green, b=blue, a=opacity)
     return marker
 
 

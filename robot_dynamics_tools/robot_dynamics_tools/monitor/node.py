@@ -94,7 +94,7 @@ class DynamicsMonitor(GuardedCallbacks):
     def _apply(self, values: Values) -> None:
         with self._lock:
             if self._estimates.estimates is not None:
-                self._estimates.estimates.set_residual_bandwidth(values['residual_bandwidth'])
+                self._estimates.estimates.residual.set_bandwidth(values['residual_bandwidth'])
 
     # ------------------------------------------------------------------ model and states
 

@@ -36,22 +36,22 @@ def load_mjcf(path: str | Path) -> Any:
 
     Raises ModelError if the file cannot be compiled, MissingDependencyError without MuJoCo.
     """
-    mujoco = _mujoco()
     if not Path(path).is_file():
         raise ModelError(f'mjcf is {str(path)!r}, which is no such file; expected an MJCF file')
-    try:
-        return mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, mujoco.FatalError) as error:
-        raise ModelError(f'mjcf: MuJoCo rejects {str(path)!r}: {error}') from None
+    return _compiled('path', str(path), f'mjcf: MuJoCo rejects {str(path)!r}')
 
 
 def model_of_mjcf(xml: str) -> Any:
     """Return the `mujoco.MjModel` of an MJCF without other files; raise as `load_mjcf` does."""
+    return _compiled('string', xml, 'MuJoCo rejects the MJCF')
+
+
+def _compiled(source: str, text: str, rejection: str) -> Any:
     mujoco = _mujoco()
     try:
-        return mujoco.MjModel.from_xml_string(xml)
+        return getattr(mujoco.MjModel, f'from_xml_{source}')(text)
     except (ValueError, mujoco.FatalError) as error:
-        raise ModelError(f'MuJoCo rejects the MJCF: {error}') from None
+        raise ModelError(f'{rejection}: {error}') from None
 
 
 def _mujoco() -> Any:
@@ -231,14 +231,11 @@ class MujocoSimulation:
         """
         check_released(self.braked)
         self.effort = tau
-        self._advance(duration, wrenches)
+        self.wait(duration, wrenches)
         return self.state
 
     def wait(self, duration: float, wrenches: Sequence[ExternalWrench] = ()) -> None:
-        """Hold the driven joints with the brakes for `duration` [s], while other bodies move."""
-        self._advance(duration, wrenches)
-
-    def _advance(self, duration: float, wrenches: Sequence[ExternalWrench]) -> None:
+        """Let `duration` [s] pass; engaged brakes hold the driven joints, other bodies move."""
         model, data = self.model, self.data
         steps = max(1, math.ceil(duration / self._timestep - 1e-9))
         model.opt.timestep = duration / steps

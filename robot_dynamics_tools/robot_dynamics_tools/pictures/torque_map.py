@@ -157,10 +157,7 @@ def _draw_poses(axes: Any, arm: ArmModel, grid: PositionGrid, poses: FloatArray)
     each = 0.5 * _POSE_SIZE / max(round(len(poses) ** 0.5), POSES - 1)
     scale = each / reach * np.array([np.ptp(grid.x), np.ptp(grid.y)])
     for pose, points in zip(poses, flat):
-        line = pose + scale * points
-        for colour, width in (('white', 4.2), (figures.BLACK, 1.8)):
-            axes.plot(line[:, 0], line[:, 1], color=colour, linewidth=width, marker='o',
-                      markersize=width, solid_capstyle='round', clip_on=True)
+        figures.draw_arm(axes, pose + scale * points)
         axes.plot(*pose, 's', color=figures.BLACK, markerfacecolor='white', markersize=5.0)
 
 

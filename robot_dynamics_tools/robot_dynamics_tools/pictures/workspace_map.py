@@ -187,10 +187,7 @@ def smoothed(cells: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _draw_pose(axes: Any, arm: ArmModel, link: str, q: FloatArray) -> None:
     points = StickFigure(arm, link).points(q)
-    flat = points @ side_view(arm, points).T
-    for colour, width in (('white', 4.2), (figures.BLACK, 1.8)):
-        axes.plot(flat[:, 0], flat[:, 1], color=colour, linewidth=width, marker='o',
-                  markersize=1.4 * width, zorder=2.2)
+    figures.draw_arm(axes, points @ side_view(arm, points).T, 2.2)
 
 
 def _draw_joints(axes: Any, arm: ArmModel, efforts: FloatArray) -> None:

@@ -8,7 +8,8 @@ Messages are written as the bytes that were received, with the definitions of th
 not re-encoded, and any reader can decode them.
 """
 
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -42,11 +43,10 @@ class RecordingWriter(AbstractContextManager['RecordingWriter']):
             self._writer = rosbag2.Writer(
                 directory, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP)
             self._writer.set_custom_data('written_by', 'robot_dynamics')
-            self._writer.open()
+            with self._writing():
+                self._writer.open()
         except rosbag2.WriterError as error:
             raise RecordingError(f'recording {str(directory)!r}: {error}') from None
-        except OSError as error:
-            raise self._failure(error) from None
         self._open = True
 
     def add_topic(self, name: str, message_type: str, qos: topics.TopicQos | None = None) -> None:
@@ -58,24 +58,23 @@ class RecordingWriter(AbstractContextManager['RecordingWriter']):
 
     def write(self, topic: str, time_ns: int, data: bytes) -> None:
         """Write a serialized message (CDR) of a topic under this time [ns]."""
+        with self._writing():
+            self._writer.write(self._connections[topic], time_ns, data)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
         try:
             with uninterrupted():
-                self._writer.write(self._connections[topic], time_ns, data)
+                yield
         except OSError as error:
-            raise self._failure(error) from None
-
-    def _failure(self, error: OSError) -> ToolError:
-        return ToolError(f'cannot write {self.directory}: {error.strerror}')
+            raise ToolError(f'cannot write {self.directory}: {error.strerror}') from None
 
     def close(self) -> None:
         """Complete and close the files; further calls have no effect."""
-        with uninterrupted():
+        with self._writing():
             if self._open:
                 self._open = False
-                try:
-                    self._writer.close()
-                except OSError as error:
-                    raise self._failure(error) from None
+                self._writer.close()
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -213,6 +213,13 @@ def wrapped_title(title: str, width: float) -> str:
     return '\n'.join(textwrap.wrap(title, int(11.5 * width)))
 
 
+def draw_arm(axes: 'Axes', line: FloatArray, layer: float = 2.0) -> None:
+    """Draw a line from joint to joint (k, 2), which stands out on any colour."""
+    for colour, width in (('white', 4.2), (BLACK, 1.8)):
+        axes.plot(line[:, 0], line[:, 1], color=colour, linewidth=width, marker='o',
+                  markersize=width, solid_capstyle='round', zorder=layer)
+
+
 def colour_map(colours: Sequence[str]) -> Any:
     """Return a matplotlib colour map through these colours, at equal distances."""
     return optional('matplotlib.colors', 'a figure').LinearSegmentedColormap.from_list(

@@ -11,7 +11,6 @@ decimals, an exponent outside of [1e-3, 1e6)), which is most of this module, wou
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import repeat
 import textwrap
-from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -57,37 +56,32 @@ def folded_table(
     longest = max(width // 3 - 2, 8)
     first = [_column(name, [cell if len(cell) <= longest else f'…{cell[1 - longest:]}'
                             for cell in cells]) for name, cells in names.items()]
-    parts: list[list[_Column]] = []
+    parts: list[list[list[str]]] = []
     left = 0
     for column in (_column(*item) for item in columns.items()):
-        if not parts or column.width > left:
+        if not parts or _width(column) > left:
             parts.append([*first])
-            left = width + 2 - sum(one.width for one in first)
+            left = width + 2 - sum(map(_width, first))
         parts[-1].append(column)
-        left -= column.width
+        left -= _width(column)
     return '\n'.join(_stacked(part, len(first)) for part in parts)
 
 
-class _Column(NamedTuple):
-    heading: list[str]
-    cells: Sequence[str]
-
-    @property
-    def width(self) -> int:
-        """With the space before it."""
-        return 2 + max(map(len, [*self.heading, *self.cells]))
+def _column(heading: str, cells: Sequence[str]) -> list[str]:
+    """Return the lines of a heading as wide as the cells, then the cells."""
+    return [*textwrap.wrap(
+        heading, max(map(len, cells)), break_long_words=False, break_on_hyphens=False), *cells]
 
 
-def _column(heading: str, cells: Sequence[str]) -> _Column:
-    return _Column(textwrap.wrap(
-        heading, max(map(len, cells)), break_long_words=False, break_on_hyphens=False), cells)
+def _width(column: Sequence[str]) -> int:
+    """Return the width of a column with the space before it."""
+    return 2 + max(map(len, column))
 
 
-def _stacked(columns: Sequence[_Column], left_columns: int) -> str:
-    depth = max(len(column.heading) for column in columns)
+def _stacked(columns: Sequence[Sequence[str]], left_columns: int) -> str:
+    depth = max(map(len, columns))
     return text_table([], list(zip(*(
-        [*[''] * (depth - len(heading)), *heading, *cells] for heading, cells in columns))),
-        left_columns)
+        [*[''] * (depth - len(column)), *column] for column in columns))), left_columns)
 
 
 def quantity_table(rows: Sequence[Sequence[str]]) -> str:

@@ -100,10 +100,9 @@ class DynamicsClient:
         nodes = self._offering() if wanted else self.nodes()
         running = f'those that run: {", ".join(nodes)}' if nodes else (
             f'none runs with {domain()}; start one with: ros2 run robot_dynamics dynamics_node')
-        if wanted:
-            raise NoAnswerError(f'no dynamics node {wanted!r} in {self.timeout:g} s; {running}')
-        if not nodes:
-            raise NoAnswerError(f'no dynamics node in {self.timeout:g} s; {running}')
+        if wanted or not nodes:
+            name = f' {wanted!r}' if wanted else ''
+            raise NoAnswerError(f'no dynamics node{name} in {self.timeout:g} s; {running}')
         if len(nodes) > 1:
             raise NoAnswerError(
                 f'there are {len(nodes)} dynamics nodes, expected --node with one of: '

@@ -9,7 +9,7 @@ arguments before it. A completer cannot report an error, and then offers no name
 """
 
 from argparse import Action, ArgumentParser, Namespace
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -18,72 +18,57 @@ from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 
 _TIMEOUT = 2.0
 """Longest time [s] for a completion."""
+Completer = Callable[..., Iterable[str]]
 
 
-def _asking(ask: Callable[[DynamicsClient], list[str]], arguments: Namespace) -> list[str]:
-    try:
-        with DynamicsClient(getattr(arguments, 'node', '') or '', _TIMEOUT) as client:
-            return ask(client)
-    except (RobotDynamicsError, RuntimeError):
-        return []
+def _of_node(ask: Callable[[DynamicsClient], Iterable[str]]) -> Completer:
+    """Return the completer that asks the node of the arguments before."""
+    def complete(parsed_args: Namespace, **_: object) -> Iterable[str]:
+        try:
+            with DynamicsClient(getattr(parsed_args, 'node', '') or '', _TIMEOUT) as client:
+                return ask(client)
+        except (RobotDynamicsError, RuntimeError):
+            return []
+
+    return complete
 
 
-def complete_nothing(prefix: str, **_: object) -> list[str]:
-    """Return nothing for a number, where argcomplete would offer files."""
-    return []
-
-
-def complete_checks(prefix: str, **_: object) -> list[str]:
-    """Return the names of the checks of a model."""
+def _checks(**_: object) -> Iterable[str]:
     from robot_dynamics.model_check.finding import CHECKS
-    return list(CHECKS)
+    return CHECKS
 
 
-def complete_commands(prefix: str, **_: object) -> list[str]:
-    """Return the control laws, and `none`."""
+def _commands(**_: object) -> Iterable[str]:
     from robot_dynamics.control.laws.law_table import command_modes
-    return list(command_modes())
+    return command_modes()
 
 
-def complete_nodes(prefix: str, **_: object) -> list[str]:
-    """Return the `dynamics` nodes that run."""
-    return _asking(DynamicsClient.nodes, Namespace())
-
-
-def complete_joints(
-    prefix: str, parsed_args: Namespace, action: Action | None = None, **_: object,
-) -> list[str]:
+def _joints(parsed_args: Namespace, action: Action, **_: object) -> Iterable[str]:
     """Return NAME= for each joint that has no value yet."""
-    texts = getattr(parsed_args, getattr(action, 'dest', 'position'), None) or []
+    texts = getattr(parsed_args, action.dest, None) or []
     if any('=' not in text for text in texts):
         return []
     given = {text.partition('=')[0] for text in texts}
-    names = _asking(lambda client: client.joint_names(), parsed_args)
+    names = _of_node(lambda client: client.joint_names())(parsed_args)
     return [f'{name}=' for name in names if name not in given]
 
 
-def complete_links(prefix: str, parsed_args: Namespace, **_: object) -> list[str]:
-    """Return the links of the arm."""
+def _links(client: DynamicsClient) -> Iterable[str]:
     from robot_dynamics.urdf.parser import parse_urdf
-    return _asking(lambda client: list(parse_urdf(client.description()).link_names), parsed_args)
+    return parse_urdf(client.description()).link_names
 
 
-def complete_topics(prefix: str, parsed_args: Namespace, **_: object) -> list[str]:
-    """Return the topics that exist."""
-    return _asking(lambda client: client.topics(), parsed_args)
-
-
-COMPLETERS: dict[str, Callable[..., list[str]]] = {
-    'acceleration': complete_joints, 'frame': complete_links, 'frame_id': complete_links,
-    'ignore': complete_checks, 'link': complete_links, 'mode': complete_commands,
-    'node': complete_nodes, 'position': complete_joints, 'topics': complete_topics,
-    'velocity': complete_joints}
+COMPLETERS: dict[str, Completer] = {
+    **dict.fromkeys(('acceleration', 'position', 'velocity'), _joints),
+    **dict.fromkeys(('frame', 'frame_id', 'link'), _of_node(_links)),
+    'ignore': _checks, 'mode': _commands, 'node': _of_node(lambda client: client.nodes()),
+    'topics': _of_node(lambda client: client.topics())}
 """The completers by argument. Paths have that of argcomplete, others none."""
 
 
 def add_completers(parser: ArgumentParser) -> None:
-    """Set the completers of all arguments of a parser."""
+    """Set the completers of all arguments of a parser; argcomplete offers no files for numbers."""
     action: Any
     for action in parser._actions:
         if action.type is not Path:
-            action.completer = COMPLETERS.get(action.dest, complete_nothing)
+            action.completer = COMPLETERS.get(action.dest, lambda **_: [])

@@ -39,10 +39,8 @@ class JointTable:
         self._units = Units.of(self._names, {name: j.kind for name, j in joints.items()})
         self._limits = [
             joints[name].effort_limit if name in joints else math.inf for name in self._names]
-        self._values: dict[str, dict[str, float]] = {
-            field: {} for field in (
-                'position', 'velocity', 'effort_command', 'effort', 'gravity',
-                'external_effort')}
+        self._values: dict[str, dict[str, float]] = {field: {} for field in (
+            'position', 'velocity', 'effort_command', 'effort', 'gravity', 'external_effort')}
         self._has_torques = client.parameters(['measured_effort'])['measured_effort'] == (
             'joint_torque')
         self._at_rest: dict[str, dict[str, float]] = {}
@@ -84,25 +82,22 @@ class JointTable:
 
     def data(self) -> dict[str, Any]:
         """Return the values in the order of the node, null for those that did not arrive."""
-        def column(field: str) -> list[float | None]:
-            return json_numbers(self._values[field].get(name, math.nan) for name in self._names)
-
+        columns = {
+            field: json_numbers(values.get(name, math.nan) for name in self._names)
+            for field, values in self._values.items()}
         at_rest = {
             field: [values.get(name) for name in self._names]
             for field, values in self._at_rest.items() if values}
         difference = [
             None if measured is None or g is None else measured - g
-            for measured, g in zip(column('effort'), column('gravity'))]
+            for measured, g in zip(columns['effort'], columns['gravity'])]
         shares = [
             None if effort is None or not math.isfinite(limit) else abs(effort) / limit
-            for effort, limit in zip(column('effort_command'), self._limits)]
+            for effort, limit in zip(columns['effort_command'], self._limits)]
         return {
             'node': self._client.name, 'stamp': 1e-9 * (self.stamp_ns or 0),
-            'joint_names': self._names, 'position': column('position'),
-            'velocity': column('velocity'), 'effort_command': column('effort_command'),
-            'effort_share': shares, 'effort': column('effort'), 'gravity': column('gravity'),
-            'effort_minus_gravity': difference, 'external_effort': column('external_effort'),
-            **at_rest}
+            'joint_names': self._names, **columns, 'effort_share': shares,
+            'effort_minus_gravity': difference, **at_rest}
 
     def text(self, width: int | None = None) -> str:
         """Return the table, of a `width` [characters], below a line with the age of the values."""

@@ -56,7 +56,7 @@ def test_arrows_are_as_long_as_the_forces_and_point_their_way(swing):
     view = PlanarView(swing.arm)
     now = view.passes(swing.position[3], swing.velocity[3], swing.acceleration[3])
     axes, stage = empty_stage()
-    stage.draw_force(now.joint_position[0], now.force[0])
+    stage.draw_arrow('force', now.joint_position[0], now.force[0])
     arrow = axes.patches[-1]
     start, *_ = points = arrow.get_path().vertices
     npt.assert_allclose(start, now.joint_position[0], atol=1e-9)
@@ -82,7 +82,7 @@ def test_the_trail_follows_the_tip_between_the_frames():
 @pytest.mark.parametrize('moment', [-12.0, 7.0])
 def test_arcs_cover_the_angle_of_the_moment_clockwise_from_above(moment):
     axes, stage = empty_stage()
-    stage.draw_moment(np.array([0.2, 0.1]), moment)
+    stage.draw_arc('moment', np.array([0.2, 0.1]), moment)
     x, y = axes.patches[-1].get_path().vertices[:39].T
     angle = np.unwrap(np.arctan2(x - 0.2, y - 0.1))
     assert angle[0] == pytest.approx(0.0)

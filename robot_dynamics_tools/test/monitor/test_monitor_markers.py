@@ -61,10 +61,6 @@ def by_name(message: MarkerArray) -> dict[tuple[str, int], Any]:
     return {(marker.ns, marker.id): marker for marker in message.markers}
 
 
-def at(point: Any) -> Any:
-    return pytest.approx([point.x, point.y, point.z], abs=1e-9)
-
-
 @pytest.fixture(scope='module', autouse=True)
 def node() -> Iterator[None]:
     with running(

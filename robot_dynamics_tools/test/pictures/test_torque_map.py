@@ -121,7 +121,6 @@ def test_the_animation_begins_with_gravity_at_the_first_position():
      "joints has 'elbow', expected joints out of ['joint1', 'joint2']"),
     (['--velocity', '1', '2'],
      "--velocity and --acceleration are given with 'gravity', expected 'motion'"),
-    (['--samples', '1'], '--samples is 1, expected a number in [3, 1001]'),
     (['-o', 'x.jpg'], "'x.jpg', expected a name that ends in one of"),
 ])
 def test_mistakes_are_reported_in_one_line(tmp_path, monkeypatch, capsys, arguments, message):
