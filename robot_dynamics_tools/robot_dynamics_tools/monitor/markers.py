@@ -171,7 +171,7 @@ def drawn(
             line = effort_line(place, fraction, 1.3 * marks.size)
             markers.append(_line('external effort', i, line, marks, figures.PURPLE))
     for i, ball in enumerate(marks.payloads()):
-        marker = _marker('payload', i, Marker.SPHERE, figures.GREY, 2.0 * ball.radius)
+        marker = _marker('payload', i, Marker.SPHERE, figures.YELLOW, 2.0 * ball.radius)
         marker.scale.y = marker.scale.z = 2.0 * ball.radius
         marker.pose.position = _point(ball.centre)
         marker.color.a = 0.6

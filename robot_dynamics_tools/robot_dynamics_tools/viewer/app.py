@@ -75,6 +75,7 @@ class Viewer:
         self._load = self._drive = ''
         self._diagnosed = time.monotonic()
         self._efforts: dict[str, dict[str, float]] = {'command': {}, 'state': {}}
+        self._effort_times = dict.fromkeys(self._efforts, -SILENCE)
         self._warnings: list[str] = []
         self._source = ArmSource(node, robot)
         self._mesh_paths = mesh_paths
@@ -142,6 +143,9 @@ class Viewer:
         for field, values in self._efforts.items():
             if (message := getattr(received, field)) is not None:
                 values.update(zip(message.name, message.effort))
+                self._effort_times[field] = now
+            elif now - self._effort_times[field] > SILENCE:
+                values.clear()
         if received.payload is not None:
             inertia, link = received.payload.inertia, received.payload.header.frame_id
             self._load = f'{inertia.m:.3g} kg on {link}' if inertia.m > 0.0 else ''
@@ -229,8 +233,9 @@ class Viewer:
         silent = now - self._diagnosed
         if node.has_dynamics and silent > SLOW:
             lines.append(f'⚠ {node.dynamics} has sent no diagnostics for {silent:.0f} s')
+        if silent > SLOW or not node.has_dynamics:
+            self._warnings, self._drive = [], ''
         if not node.has_dynamics:
-            self._warnings, self._drive, self._efforts['command'] = [], '', {}
             lines.append(
                 f'no node {node.dynamics}: start it with `ros2 run robot_dynamics dynamics_node`')
         elif now - self._reference_time < SILENCE:

@@ -54,13 +54,13 @@ class ArmPanel:
         self._gui, self._arm, self._ask = gui, arm, ask
         self.on: dict[str, Callable[[], None]] = {}
         """The actions: reference, hold, attach, detach, push and reset."""
+        self._table = gui.add_html('')
         self._folders = [self._add_reference(), self._add_load(), self._add_push()]
         self._plot_panel = gui.add_panel()
         self._plot_panel.dock_left()
         self._plot_panel.set_width(PLOT_WIDTH)
         self._plot_tab = self._plot_panel.add_tab('Plots')
         with self._plot_tab:
-            self._table = gui.add_html('')
             gui.add_html(legend())
             self._joint = gui.add_dropdown('joint', arm.joint_names)
         self._joint.on_update(lambda _: self._ask(self._change_joint))
@@ -68,7 +68,7 @@ class ArmPanel:
 
     def close(self) -> None:
         """Remove all controls."""
-        for part in (*self._folders, self._plot_panel):
+        for part in (self._table, *self._folders, self._plot_panel):
             part.remove()
 
     def _button(self, label: str, action: str) -> None:
@@ -170,12 +170,11 @@ class ArmPanel:
     ) -> None:
         """Show commanded and measured efforts by joint, the limits, and the status `drive`."""
         rows = ''.join(
-            f'<tr><td>{escape(name)} [{units_of(kind).effort}]</td>' + ''.join(
-                f'<td style="text-align: right">{value:.1f}</td>' for value in (
-                    command.get(name, math.nan), measured.get(name, math.nan), limit)) + '</tr>'
+            f'<tr><td>{escape(name)} [{units_of(kind).effort}]</td>' + ''.join(map(
+                cell, (command.get(name, math.nan), measured.get(name, math.nan), limit)))
             for name, kind, limit in zip(
                 self._arm.joint_names, self._arm.joint_kinds, self._arm.limits.effort))
-        content = TABLE.format(rows, escape(drive)).replace('nan', '–').replace('inf', '–')
+        content = TABLE.format(rows, escape(drive))
         if self._table.content != content:
             self._table.content = content
 
@@ -227,12 +226,18 @@ def legend() -> str:
     warm, hot = (f'{100.0 * share:.0f} %' for share in (WARM, HOT))
     entries = (
         (figures.BLUE, f'effort below {warm} of its limit'), (figures.ORANGE, f'{warm} to {hot}'),
-        (figures.VERMILION, f'above {hot}'), (figures.GREY, 'effort without limit; sphere: load'),
-        (figures.PURPLE, 'external effort and force'), (figures.SKY, 'external torque'),
-        (figures.GREEN, 'manipulability'))
+        (figures.VERMILION, f'above {hot}'), (figures.GREY, 'effort without limit'),
+        (figures.YELLOW, 'load'), (figures.PURPLE, 'external effort and force'),
+        (figures.SKY, 'external torque'), (figures.GREEN, 'manipulability'))
     return '<div style="font-size: 12px; line-height: 1.5; padding: 2px 10px">' + ' '.join(
         f'<span style="color: {colour}">&#9632;</span> {text}<br>'
         for colour, text in entries) + '</div>'
+
+
+def cell(value: float) -> str:
+    """Return HTML of a cell with a number, which may be unknown or infinite."""
+    text = f'{value:.1f}' if math.isfinite(value) else '–'
+    return f'<td style="text-align: right">{text}</td>'
 
 
 def slider_range(low: float, high: float) -> tuple[float, float, float]:
