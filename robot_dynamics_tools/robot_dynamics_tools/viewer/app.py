@@ -24,7 +24,7 @@ from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics_tools.recordings.sample_faults import counted
 from robot_dynamics_tools.viewer.actions import PageActions, Shown
-from robot_dynamics_tools.viewer.node import ViewerNode, worst_words
+from robot_dynamics_tools.viewer.node import drive_words, ViewerNode, worst_words
 from robot_dynamics_tools.viewer.panel import ArmPanel
 from robot_dynamics_tools.viewer.scene import ArmScene
 from robot_dynamics_tools.viewer.source import ArmSource, Description
@@ -138,8 +138,7 @@ class Viewer:
             self._source.take_topic(received.description.data)
         if received.diagnostics is not None:
             self._warnings, self._diagnosed = worst_words(received.diagnostics), now
-            self._drive = next((one.message for one in received.diagnostics.status
-                                if one.name.endswith(': drive')), '')
+            self._drive = drive_words(received.diagnostics)
         for field, values in self._efforts.items():
             if (message := getattr(received, field)) is not None:
                 values.update(zip(message.name, message.effort))
@@ -215,8 +214,7 @@ class Viewer:
             return
         self._plot_time = now
         shown.panel.show_plots(self._newest_stamp)
-        shown.panel.show_efforts(
-            self._efforts['command'], self._efforts['state'], self._drive)
+        shown.panel.show_efforts(self._efforts['command'], self._efforts['state'])
         if self._q is not None or not self._node.has_states:
             self._cameras.show(shown.scene.extent())
         lasts = now - max(self._reference_time, actions.sent_time) < SILENCE
@@ -245,6 +243,8 @@ class Viewer:
         if node.has_dynamics and not node.has_monitor:
             lines.append(f'no node {node.monitor}, which draws efforts: start it with `ros2 run '
                          'robot_dynamics_tools dynamics_monitor`')
+        if self._drive:
+            lines.append(self._drive)
         if self._load:
             lines.append(f'payload of the controller: {self._load}')
         if self._shown is not None and self._shown.scene.missing:

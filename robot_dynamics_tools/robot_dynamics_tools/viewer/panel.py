@@ -41,8 +41,7 @@ LEAST_ERROR = 0.1
 """Smallest height of the plot of errors [mrad] or [mm]."""
 TABLE = (
     '<table style="font-size: 12px; margin: 0 10px; width: 94%"><tr><th></th><th>command</th>'
-    '<th>measured</th><th>limit</th></tr>{}</table><div style="font-size: 12px; padding: 2px '
-    '10px">drive: {}</div>')
+    '<th>measured</th><th>limit</th></tr>{}</table>')
 PLOT_WIDTH = 360
 """[px]"""
 
@@ -55,6 +54,7 @@ class ArmPanel:
         self.on: dict[str, Callable[[], None]] = {}
         """The actions: reference, hold, attach, detach, push and reset."""
         self._table = gui.add_html('')
+        self.show_efforts({}, {})
         self._folders = [self._add_reference(), self._add_load(), self._add_push()]
         self._plot_panel = gui.add_panel()
         self._plot_panel.dock_left()
@@ -166,15 +166,15 @@ class ArmPanel:
             plot.show(now)
 
     def show_efforts(
-        self, command: Mapping[str, float], measured: Mapping[str, float], drive: str,
+        self, command: Mapping[str, float], measured: Mapping[str, float],
     ) -> None:
-        """Show commanded and measured efforts by joint, the limits, and the status `drive`."""
+        """Show commanded and measured efforts by joint, and the limits."""
         rows = ''.join(
             f'<tr><td>{escape(name)} [{units_of(kind).effort}]</td>' + ''.join(map(
                 cell, (command.get(name, math.nan), measured.get(name, math.nan), limit)))
             for name, kind, limit in zip(
                 self._arm.joint_names, self._arm.joint_kinds, self._arm.limits.effort))
-        content = TABLE.format(rows, escape(drive))
+        content = TABLE.format(rows)
         if self._table.content != content:
             self._table.content = content
 
