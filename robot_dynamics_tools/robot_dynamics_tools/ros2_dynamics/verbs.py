@@ -10,7 +10,7 @@ Without ros2cli: `ros2 run robot_dynamics_tools dynamics inverse 0.1 0.2`, or
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager
 from importlib import import_module
 import json
 from pathlib import Path
@@ -19,7 +19,7 @@ import sys
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from robot_dynamics.tools import command_line
-from robot_dynamics_tools.options import add_node, number
+from robot_dynamics_tools.options import add_node, complete, number
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 from robot_dynamics_tools.ros2_dynamics.completion import add_completers
 from robot_dynamics_tools.ros2_dynamics.tools import is_tool, take_all, Tool, TOOLS
@@ -225,9 +225,7 @@ def run(
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool without ros2cli, and return its exit status."""
     parser = make_parser()
-    with suppress(ImportError):
-        import argcomplete
-        argcomplete.autocomplete(parser)
+    complete(parser)
     arguments, unknown = parser.parse_known_args(argv)
     if unknown:
         command_line.Parser(prog=f'{_PROG} {arguments.verb or ""}'.rstrip()).error(
