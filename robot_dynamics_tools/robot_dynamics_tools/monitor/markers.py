@@ -174,7 +174,6 @@ def drawn(
         marker = _marker('payload', i, Marker.SPHERE, figures.YELLOW, 2.0 * ball.radius)
         marker.scale.y = marker.scale.z = 2.0 * ball.radius
         marker.pose.position = _point(ball.centre)
-        marker.color.a = 0.6
         markers.append(marker)
     return MarkerArray(markers=markers + _at_link(marks, wrench))
 

@@ -234,6 +234,7 @@ class Viewer:
         if silent > SLOW or not node.has_dynamics:
             self._warnings, self._drive = [], ''
         if not node.has_dynamics:
+            self._load = ''
             lines.append(
                 f'no node {node.dynamics}: start it with `ros2 run robot_dynamics dynamics_node`')
         elif now - self._reference_time < SILENCE:

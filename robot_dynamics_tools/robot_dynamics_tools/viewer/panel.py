@@ -15,7 +15,6 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics_tools.monitor.markers import HOT, WARM
 from robot_dynamics_tools.pictures.stick_figure import tool_link
@@ -40,8 +39,10 @@ DEFAULT_SPEED = 30.0
 LEAST_ERROR = 0.1
 """Smallest height of the plot of errors [mrad] or [mm]."""
 TABLE = (
-    '<table style="font-size: 12px; margin: 0 10px; width: 94%"><tr><th></th><th>command</th>'
-    '<th>measured</th><th>limit</th></tr>{}</table>')
+    '<table style="font-size: 11px; line-height: 1.2; width: 100%; text-align: right">'
+    '<tr>{}<td>command</td><td>measured</td><td>limit</td></tr>{}</table>')
+NAME = '<td style="text-align: left; overflow-wrap: anywhere">{}</td>'
+"""A cell; the table fits a page of 420 pixels."""
 PLOT_WIDTH = 360
 """[px]"""
 
@@ -170,11 +171,11 @@ class ArmPanel:
     ) -> None:
         """Show commanded and measured efforts by joint, and the limits."""
         rows = ''.join(
-            f'<tr><td>{escape(name)} [{units_of(kind).effort}]</td>' + ''.join(map(
+            '<tr>' + NAME.format(escape(name) + ' [N]' * (kind == 'prismatic')) + ''.join(map(
                 cell, (command.get(name, math.nan), measured.get(name, math.nan), limit)))
             for name, kind, limit in zip(
                 self._arm.joint_names, self._arm.joint_kinds, self._arm.limits.effort))
-        content = TABLE.format(rows)
+        content = TABLE.format(NAME.format('effort [N·m]'), rows)
         if self._table.content != content:
             self._table.content = content
 
@@ -236,8 +237,8 @@ def legend() -> str:
 
 def cell(value: float) -> str:
     """Return HTML of a cell with a number, which may be unknown or infinite."""
-    text = f'{value:.1f}' if math.isfinite(value) else '–'
-    return f'<td style="text-align: right">{text}</td>'
+    text = f'{round(value, 1) + 0.0:.1f}' if math.isfinite(value) else '–'
+    return f'<td style="padding: 1px 4px">{text}</td>'
 
 
 def slider_range(low: float, high: float) -> tuple[float, float, float]:
