@@ -87,6 +87,7 @@ def photograph(page: browser.Page, path: Path) -> None:
     time.sleep(2.0)
     for _ in range(TRIES):
         page.press('Push')
+        page.tab.mouse.wheel(0, -2000)  # to the status and the table of efforts
         time.sleep(1.5)
         page.tab.screenshot(path=path)
         pixels = imread(path)[:, SCENE, :3]
