@@ -39,7 +39,8 @@ DEFAULT_SPEED = 30.0
 LEAST_ERROR = 0.1
 """Smallest height of the plot of errors [mrad] or [mm]."""
 TABLE = (
-    '<table style="font-size: 11px; line-height: 1.2; width: 100%; text-align: right">'
+    '<table style="font-size: 11px; line-height: 1.2; text-align: right; '
+    'width: calc(100% - 20px); margin: 0 10px">'
     '<tr>{}<td>command</td><td>measured</td><td>limit</td></tr>{}</table>')
 NAME = '<td style="text-align: left; overflow-wrap: anywhere">{}</td>'
 """A cell; the table fits a page of 420 pixels."""
