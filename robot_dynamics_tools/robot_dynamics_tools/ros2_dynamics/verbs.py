@@ -67,7 +67,7 @@ _FORCE = '--force', _flag('Replace an output that exists; without it, that is an
 _XYZ = 'X', 'Y', 'Z'
 
 VERBS: Mapping[str, Verb] = {
-    'inverse': Verb('Which efforts a motion takes, split by term', 'answers', (
+    'inverse': Verb('Efforts of a motion, split by term', 'answers', (
         _POSITION, _VELOCITY, _ACCELERATION,
         ('-d', '--derivatives', _flag(
             'Print the derivatives of the efforts by position, velocity and acceleration')))),
@@ -85,7 +85,7 @@ VERBS: Mapping[str, Verb] = {
         ('--reference', _word(
             'AXES', 'Axes of velocities and forces: base_aligned, those of the base frame, or '
             'local, those of the link (default: %(default)s)', default='base_aligned')))),
-    'check': Verb('Whether the model of the node is fit to compute with', 'answers', (
+    'check': Verb('Findings of the model check in the model of the node', 'answers', (
         ('--ignore', _word(
             'NAME', 'Checks whose errors do not count (default: those that the node ignores)',
             nargs='*')),)),
@@ -113,7 +113,7 @@ VERBS: Mapping[str, Verb] = {
             ('--apply', _flag(
                 'Set the estimate as payload if mass and first moments are observable')),
             ('--stop', _flag('End the estimation')), _TRANSITION)),
-    'status': Verb('How the node is: lifecycle, command, payload, diagnostics', 'orders', (
+    'status': Verb('State of the node: lifecycle, command, payload, diagnostics', 'orders', (
         ('-v', '--verbose', _flag('Print the values of each check too')),)),
     'move': Verb('Move the arm to a position, wait for rest, and report the errors', 'move', (
         ('position', _word(
