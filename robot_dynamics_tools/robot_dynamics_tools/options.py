@@ -245,7 +245,7 @@ def read_parameters(path: Path | None) -> Mapping[str, Any]:
 
 def read_robot(text: str | None, option: str = '--urdf') -> str:
     """
-    Return the URDF of a path, or of file:// or package://; the default arm for None.
+    Return the URDF of a path, or of `file://` or `package://`; the default arm for None.
 
     xacro is expanded. Raises ModelError, which names `option`, if there is no URDF.
     """
