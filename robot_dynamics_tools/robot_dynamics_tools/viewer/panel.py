@@ -39,11 +39,11 @@ DEFAULT_SPEED = 30.0
 LEAST_ERROR = 0.1
 """Smallest height of the plot of errors [mrad] or [mm]."""
 TABLE = (
-    '<table style="font-size: 11px; line-height: 1.2; text-align: right; '
+    '<table style="font-size: 11px; line-height: 1.2; text-align: right; table-layout: fixed; '
     'width: calc(100% - 20px); margin: 0 10px">'
     '<tr>{}<td>command</td><td>measured</td><td>limit</td></tr>{}</table>')
-NAME = '<td style="text-align: left; overflow-wrap: anywhere">{}</td>'
-"""A cell; the table fits a page of 420 pixels."""
+NAME = '<td style="width: 34%; text-align: left; overflow-wrap: anywhere">{}</td>'
+"""A cell; the table fits a page of 420 pixels, and its height does not change."""
 PLOT_WIDTH = 360
 """[px]"""
 
@@ -239,7 +239,7 @@ def legend() -> str:
 def cell(value: float) -> str:
     """Return HTML of a cell with a number, which may be unknown or infinite."""
     text = f'{round(value, 1) + 0.0:.1f}' if math.isfinite(value) else '–'
-    return f'<td style="padding: 1px 4px">{text}</td>'
+    return f'<td style="padding: 1px">{text}</td>'
 
 
 def slider_range(low: float, high: float) -> tuple[float, float, float]:
