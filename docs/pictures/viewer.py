@@ -4,7 +4,7 @@
 """
 Draw docs/images/viewer.png: the page of the viewer, with a UR10 that moves a load of 5 kg.
 
-The script needs Chromium. Without Chromium it leaves the file unchanged.
+The script needs Chromium.
 """
 
 from contextlib import ExitStack
@@ -21,6 +21,7 @@ from robot_dynamics_tools.demo.loop import STEP_BY_STEP
 from robot_dynamics_tools.processes import (
     choose_domain,
     DYNAMICS,
+    MONITOR,
     Nodes,
     SIMULATED_ARM,
     VERBS,
@@ -49,9 +50,6 @@ PATIENT = {'state_timeout': 5.0}
 
 def main(directory: Path) -> int:
     """Write the picture into a directory."""
-    if browser.chromium_program() is None:
-        print('viewer.png is left as it is: no Chromium on the PATH', file=sys.stderr)
-        return 0
     os.environ.update(choose_domain(os.environ))
     browser.SIZE.update(SIZE)
     robot = {'robot_description_file': str(robot_path('ur10')), 'joints': JOINTS}
@@ -61,6 +59,7 @@ def main(directory: Path) -> int:
         nodes.start('dynamics', DYNAMICS, {**robot, **PATIENT})
         nodes.start('simulated_arm', SIMULATED_ARM, {
             **robot, **STEP_BY_STEP, 'initial_position': POSE})
+        nodes.start('dynamics_monitor', MONITOR, {})
         viewer = nodes.start('viewer', VERBS, {}, arguments=('viewer', '--port', '0'))
         while (address := re.search(r'http://\S+', viewer.text())) is None:
             nodes.check()
@@ -88,6 +87,7 @@ def photograph(page: browser.Page, path: Path) -> None:
     time.sleep(2.0)
     for _ in range(TRIES):
         page.press('Push')
+        page.tab.mouse.wheel(0, -2000)  # to the status and the table of efforts
         time.sleep(1.5)
         page.tab.screenshot(path=path)
         pixels = imread(path)[:, SCENE, :3]

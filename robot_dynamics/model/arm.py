@@ -264,8 +264,8 @@ def load_arm(
     """
     Return the arm that a URDF describes.
 
-    `urdf` is the path of a URDF or xacro file, also with file:// or package://, or the text of a
-    URDF: a string with `<`. Raises ModelError if the file cannot be read, and like
+    `urdf` is the path of a URDF or xacro file, also with `file://` or `package://`, or the text
+    of a URDF: a string with `<`. Raises ModelError if the file cannot be read, and like
     `arm_from_urdf`, which has the other parameters.
     """
     return arm_from_urdf(urdf_text(urdf), joints, gravity)

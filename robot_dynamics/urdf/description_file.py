@@ -67,7 +67,7 @@ def read_description_file(file: str, field: str) -> str:
 
 def description_path(file: str, field: str) -> Path:
     """
-    Return the path for a path, file://, package:// or a name of SAMPLE_ROBOTS.
+    Return the path for a path, `file://`, `package://` or a name of SAMPLE_ROBOTS.
 
     It ends with the arguments of xacro, if any. Raises ModelError for other texts.
     """

@@ -9,6 +9,7 @@ They need no ros2cli. Verbs that are tools start without ROS.
 # PYTHON_ARGCOMPLETE_OK
 
 from collections.abc import Sequence
+import os
 from pathlib import Path
 import sys
 
@@ -20,6 +21,10 @@ from robot_dynamics_tools.ros2_dynamics.tools import is_tool, run_tool_verb
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a verb; return its exit status."""
     words = sys.argv[1:] if argv is None else list(argv)
+    if start := int(os.environ.get('_ARGCOMPLETE', 0)):  # Tab; the words before are skipped
+        *words, last = os.environ['COMP_LINE'].split(' ')[start:]
+        if words and is_tool(words[0], [*words[1:], last]):
+            os.environ['_ARGCOMPLETE'] = str(start + 1)
 
     def run() -> int:
         if words and is_tool(words[0], words[1:]):

@@ -9,8 +9,10 @@ Nothing here loads the library at import: the verbs of `ros2 dynamics` start wit
 
 import argparse
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 import json
 import math
+import os
 from pathlib import Path
 import re
 import sys
@@ -34,11 +36,20 @@ _WITHOUT_EFFECT = ('dask', 'force', 'jobs')
 """Arguments that do not change the results."""
 
 
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Print what completes the words of a shell, and exit, if Tab has called this process."""
+    if '_ARGCOMPLETE' in os.environ:
+        with suppress(ImportError):
+            import argcomplete
+            argcomplete.autocomplete(parser)
+
+
 def run_tool(
     parser: argparse.ArgumentParser, run: Callable[[argparse.Namespace], int],
     argv: Sequence[str] | None,
 ) -> int:
     """Return the exit status of `run` with the parsed arguments (`command_line.run_tool`)."""
+    complete(parser)
     arguments = with_xacro(parser.parse_args(argv))
     resumes = 'jobs' in arguments and arguments.output is not None
     return command_line.run_tool(
@@ -234,7 +245,7 @@ def read_parameters(path: Path | None) -> Mapping[str, Any]:
 
 def read_robot(text: str | None, option: str = '--urdf') -> str:
     """
-    Return the URDF of a path, or of file:// or package://; the default arm for None.
+    Return the URDF of a path, or of `file://` or `package://`; the default arm for None.
 
     xacro is expanded. Raises ModelError, which names `option`, if there is no URDF.
     """

@@ -15,13 +15,13 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.planar.chain import NewtonEulerPass
-from robot_dynamics_tools.reporting.figures import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
+from robot_dynamics_tools.reporting.figures import BLACK, BLUE, GREY, SKY, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LINK, PALE_LINK, TRAIL = '#4D4D4D', '#C8C8C8', '#B0B0B0'
-COLOURS = {'force': VERMILION, 'moment': PURPLE, 'acceleration': BLUE, 'rate': GREEN}
+COLOURS = {'force': VERMILION, 'moment': BLACK, 'acceleration': BLUE, 'rate': '#882255'}
 WEIGHT, NEXT_ACCELERATION = GREY, SKY
 """Colours of a weight, and of the acceleration that a link transmits to the next joint."""
 _ROUNDEST = 1.6 * np.pi

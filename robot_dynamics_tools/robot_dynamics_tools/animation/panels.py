@@ -20,6 +20,8 @@ TERM_WORDS = {
     'inertial': 'inertial, M q̈', 'coriolis': 'Coriolis, C q̇', 'gravity': 'gravity, g',
     'friction': 'friction', 'residual': 'not modelled', 'effort': 'sum: the motor, τ'}
 _ROOM = 1.12
+ENERGY = '#AAAAAA'
+"""Colour of energies: no arrow and no term of an effort has it."""
 
 
 class _Bars:
@@ -70,8 +72,7 @@ class EnergyPanel:
         supply = 'work of the motors' if motion.energy[0] < 1e-6 else 'start + work'
         self._bars = _Bars(
             axes, ('kinetic', 'potential', 'total', 'heat of friction', supply),
-            (figures.ORANGE, figures.SKY, figures.BLUE, figures.VERMILION, figures.GREEN),
-            _ROOM * low, _ROOM * float(ends.max()), 'J')
+            5 * (ENERGY,), _ROOM * low, _ROOM * float(ends.max()), 'J')
         figures.title_axes(axes, 'Energy')
 
     def show(self, k: int) -> None:

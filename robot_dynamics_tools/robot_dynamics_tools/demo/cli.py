@@ -72,6 +72,9 @@ def main(argv: Sequence[str] | None = None) -> int:
              f'(default: {DEFAULT_PORT})')
     parser.add_argument(
         '--no-plot', action='store_true', help='Write neither the figure nor the report')
+    parser.add_argument(
+        '--yes', action='store_true',
+        help='Install the description of a robot by name without a question (scripts of a clone)')
     return options.run_tool(parser, lambda arguments: _run(arguments, argv), argv)
 
 

@@ -174,8 +174,7 @@ def drawn(
                     points=effort_line(place, fraction, 1.3 * marks.size))
             for i, (place, fraction) in enumerate(zip(places, (external / full).tolist()))]
     markers += [
-        _marker('payload', i, Marker.SPHERE, figures.GREY, 3 * (2.0 * ball.radius,), ball.centre,
-                opacity=0.6)
+        _marker('payload', i, Marker.SPHERE, figures.YELLOW, 3 * (2.0 * ball.radius,), ball.centre)
         for i, ball in enumerate(marks.payloads())]
     return MarkerArray(markers=markers + _at_link(marks, wrench))
 

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 BLACK, ORANGE, SKY, GREEN = '#000000', '#E69F00', '#56B4E9', '#009E73'
 BLUE, VERMILION, PURPLE, GREY = '#0072B2', '#D55E00', '#CC79A7', '#666666'
+YELLOW = '#F0E442'
 SIGNED_COLOURS = (SKY, '#FFFFFF', ORANGE)
 """From the negative to the positive extreme of a map; black text is readable on all of them."""
 POSITIVE_COLOURS = ('#EEF6FB', SKY)

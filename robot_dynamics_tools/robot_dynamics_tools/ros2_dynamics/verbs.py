@@ -10,7 +10,7 @@ Without ros2cli: `ros2 run robot_dynamics_tools dynamics inverse 0.1 0.2`, or
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager
 from importlib import import_module
 import json
 from pathlib import Path
@@ -19,7 +19,7 @@ import sys
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from robot_dynamics.tools import command_line
-from robot_dynamics_tools.options import add_node, number
+from robot_dynamics_tools.options import add_node, complete, number
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 from robot_dynamics_tools.ros2_dynamics.completion import add_completers
 from robot_dynamics_tools.ros2_dynamics.tools import is_tool, take_all, Tool, TOOLS
@@ -67,7 +67,7 @@ _FORCE = '--force', _flag('Replace an output that exists; without it, that is an
 _XYZ = 'X', 'Y', 'Z'
 
 VERBS: Mapping[str, Verb] = {
-    'inverse': Verb('Which efforts a motion takes, split by term', 'answers', (
+    'inverse': Verb('Efforts of a motion, split by term', 'answers', (
         _POSITION, _VELOCITY, _ACCELERATION,
         ('-d', '--derivatives', _flag(
             'Print the derivatives of the efforts by position, velocity and acceleration')))),
@@ -85,7 +85,7 @@ VERBS: Mapping[str, Verb] = {
         ('--reference', _word(
             'AXES', 'Axes of velocities and forces: base_aligned, those of the base frame, or '
             'local, those of the link (default: %(default)s)', default='base_aligned')))),
-    'check': Verb('Whether the model of the node is fit to compute with', 'answers', (
+    'check': Verb('Findings of the model check in the model of the node', 'answers', (
         ('--ignore', _word(
             'NAME', 'Checks whose errors do not count (default: those that the node ignores)',
             nargs='*')),)),
@@ -113,7 +113,7 @@ VERBS: Mapping[str, Verb] = {
             ('--apply', _flag(
                 'Set the estimate as payload if mass and first moments are observable')),
             ('--stop', _flag('End the estimation')), _TRANSITION)),
-    'status': Verb('How the node is: lifecycle, command, payload, diagnostics', 'orders', (
+    'status': Verb('State of the node: lifecycle, command, payload, diagnostics', 'orders', (
         ('-v', '--verbose', _flag('Print the values of each check too')),)),
     'move': Verb('Move the arm to a position, wait for rest, and report the errors', 'move', (
         ('position', _word(
@@ -225,9 +225,7 @@ def run(
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool without ros2cli, and return its exit status."""
     parser = make_parser()
-    with suppress(ImportError):
-        import argcomplete
-        argcomplete.autocomplete(parser)
+    complete(parser)
     arguments, unknown = parser.parse_known_args(argv)
     if unknown:
         command_line.Parser(prog=f'{_PROG} {arguments.verb or ""}'.rstrip()).error(

@@ -24,7 +24,7 @@ from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics_tools.recordings.sample_faults import counted
 from robot_dynamics_tools.viewer.actions import PageActions, Shown
-from robot_dynamics_tools.viewer.node import ViewerNode, worst_words
+from robot_dynamics_tools.viewer.node import drive_words, ViewerNode, worst_words
 from robot_dynamics_tools.viewer.panel import ArmPanel
 from robot_dynamics_tools.viewer.scene import ArmScene
 from robot_dynamics_tools.viewer.source import ArmSource, Description
@@ -75,6 +75,7 @@ class Viewer:
         self._load = self._drive = ''
         self._diagnosed = time.monotonic()
         self._efforts: dict[str, dict[str, float]] = {'command': {}, 'state': {}}
+        self._effort_times = dict.fromkeys(self._efforts, -SILENCE)
         self._warnings: list[str] = []
         self._source = ArmSource(node, robot)
         self._mesh_paths = mesh_paths
@@ -137,11 +138,13 @@ class Viewer:
             self._source.take_topic(received.description.data)
         if received.diagnostics is not None:
             self._warnings, self._diagnosed = worst_words(received.diagnostics), now
-            self._drive = next((one.message for one in received.diagnostics.status
-                                if one.name.endswith(': drive')), '')
+            self._drive = drive_words(received.diagnostics)
         for field, values in self._efforts.items():
             if (message := getattr(received, field)) is not None:
                 values.update(zip(message.name, message.effort))
+                self._effort_times[field] = now
+            elif now - self._effort_times[field] > SILENCE:
+                values.clear()
         if received.payload is not None:
             inertia, link = received.payload.inertia, received.payload.header.frame_id
             self._load = f'{inertia.m:.3g} kg on {link}' if inertia.m > 0.0 else ''
@@ -211,8 +214,7 @@ class Viewer:
             return
         self._plot_time = now
         shown.panel.show_plots(self._newest_stamp)
-        shown.panel.show_efforts(
-            self._efforts['command'], self._efforts['state'], self._drive)
+        shown.panel.show_efforts(self._efforts['command'], self._efforts['state'])
         if self._q is not None or not self._node.has_states:
             self._cameras.show(shown.scene.extent())
         lasts = now - max(self._reference_time, actions.sent_time) < SILENCE
@@ -229,8 +231,10 @@ class Viewer:
         silent = now - self._diagnosed
         if node.has_dynamics and silent > SLOW:
             lines.append(f'⚠ {node.dynamics} has sent no diagnostics for {silent:.0f} s')
+        if silent > SLOW or not node.has_dynamics:
+            self._warnings, self._drive = [], ''
         if not node.has_dynamics:
-            self._warnings, self._drive, self._efforts['command'] = [], '', {}
+            self._load = ''
             lines.append(
                 f'no node {node.dynamics}: start it with `ros2 run robot_dynamics dynamics_node`')
         elif now - self._reference_time < SILENCE:
@@ -240,6 +244,8 @@ class Viewer:
         if node.has_dynamics and not node.has_monitor:
             lines.append(f'no node {node.monitor}, which draws efforts: start it with `ros2 run '
                          'robot_dynamics_tools dynamics_monitor`')
+        if self._drive:
+            lines.append(self._drive)
         if self._load:
             lines.append(f'payload of the controller: {self._load}')
         if self._shown is not None and self._shown.scene.missing:

@@ -170,3 +170,9 @@ def worst_words(message: DiagnosticArray) -> list[str]:
     return [
         f'{status.name.rpartition(":")[2].strip()}: {status.message}'
         for status in message.status if status.level != DiagnosticStatus.OK]
+
+
+def drive_words(message: DiagnosticArray) -> str:
+    """Return a line for the drive check if it is OK, else an empty one."""
+    return next((f'drive: {status.message}' for status in message.status
+                 if status.level == DiagnosticStatus.OK and status.name.endswith(': drive')), '')

@@ -15,7 +15,6 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics_tools.monitor.markers import HOT, WARM
 from robot_dynamics_tools.pictures.stick_figure import tool_link
@@ -40,9 +39,11 @@ DEFAULT_SPEED = 30.0
 LEAST_ERROR = 0.1
 """Smallest height of the plot of errors [mrad] or [mm]."""
 TABLE = (
-    '<table style="font-size: 12px; margin: 0 10px; width: 94%"><tr><th></th><th>command</th>'
-    '<th>measured</th><th>limit</th></tr>{}</table><div style="font-size: 12px; padding: 2px '
-    '10px">drive: {}</div>')
+    '<table style="font-size: 11px; line-height: 1.2; text-align: right; table-layout: fixed; '
+    'width: calc(100% - 20px); margin: 0 10px">'
+    '<tr>{}<td>command</td><td>measured</td><td>limit</td></tr>{}</table>')
+NAME = '<td style="width: 34%; text-align: left; overflow-wrap: anywhere">{}</td>'
+"""A cell; the table fits a page of 420 pixels, and its height does not change."""
 PLOT_WIDTH = 360
 """[px]"""
 
@@ -54,13 +55,14 @@ class ArmPanel:
         self._gui, self._arm, self._ask = gui, arm, ask
         self.on: dict[str, Callable[[], None]] = {}
         """The actions: reference, hold, attach, detach, push and reset."""
+        self._table = gui.add_html('')
+        self.show_efforts({}, {})
         self._folders = [self._add_reference(), self._add_load(), self._add_push()]
         self._plot_panel = gui.add_panel()
         self._plot_panel.dock_left()
         self._plot_panel.set_width(PLOT_WIDTH)
         self._plot_tab = self._plot_panel.add_tab('Plots')
         with self._plot_tab:
-            self._table = gui.add_html('')
             gui.add_html(legend())
             self._joint = gui.add_dropdown('joint', arm.joint_names)
         self._joint.on_update(lambda _: self._ask(self._change_joint))
@@ -68,7 +70,7 @@ class ArmPanel:
 
     def close(self) -> None:
         """Remove all controls."""
-        for part in (*self._folders, self._plot_panel):
+        for part in (self._table, *self._folders, self._plot_panel):
             part.remove()
 
     def _button(self, label: str, action: str) -> None:
@@ -166,16 +168,15 @@ class ArmPanel:
             plot.show(now)
 
     def show_efforts(
-        self, command: Mapping[str, float], measured: Mapping[str, float], drive: str,
+        self, command: Mapping[str, float], measured: Mapping[str, float],
     ) -> None:
-        """Show commanded and measured efforts by joint, the limits, and the status `drive`."""
+        """Show commanded and measured efforts by joint, and the limits."""
         rows = ''.join(
-            f'<tr><td>{escape(name)} [{units_of(kind).effort}]</td>' + ''.join(
-                f'<td style="text-align: right">{value:.1f}</td>' for value in (
-                    command.get(name, math.nan), measured.get(name, math.nan), limit)) + '</tr>'
+            '<tr>' + NAME.format(escape(name) + ' [N]' * (kind == 'prismatic')) + ''.join(map(
+                cell, (command.get(name, math.nan), measured.get(name, math.nan), limit)))
             for name, kind, limit in zip(
                 self._arm.joint_names, self._arm.joint_kinds, self._arm.limits.effort))
-        content = TABLE.format(rows, escape(drive)).replace('nan', '–').replace('inf', '–')
+        content = TABLE.format(NAME.format('effort [N·m]'), rows)
         if self._table.content != content:
             self._table.content = content
 
@@ -227,12 +228,18 @@ def legend() -> str:
     warm, hot = (f'{100.0 * share:.0f} %' for share in (WARM, HOT))
     entries = (
         (figures.BLUE, f'effort below {warm} of its limit'), (figures.ORANGE, f'{warm} to {hot}'),
-        (figures.VERMILION, f'above {hot}'), (figures.GREY, 'effort without limit; sphere: load'),
-        (figures.PURPLE, 'external effort and force'), (figures.SKY, 'external torque'),
-        (figures.GREEN, 'manipulability'))
+        (figures.VERMILION, f'above {hot}'), (figures.GREY, 'effort without limit'),
+        (figures.YELLOW, 'load'), (figures.PURPLE, 'external effort and force'),
+        (figures.SKY, 'external torque'), (figures.GREEN, 'manipulability'))
     return '<div style="font-size: 12px; line-height: 1.5; padding: 2px 10px">' + ' '.join(
         f'<span style="color: {colour}">&#9632;</span> {text}<br>'
         for colour, text in entries) + '</div>'
+
+
+def cell(value: float) -> str:
+    """Return HTML of a cell with a number, which may be unknown or infinite."""
+    text = f'{round(value, 1) + 0.0:.1f}' if math.isfinite(value) else '–'
+    return f'<td style="padding: 1px">{text}</td>'
 
 
 def slider_range(low: float, high: float) -> tuple[float, float, float]:

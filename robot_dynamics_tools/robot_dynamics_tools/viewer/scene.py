@@ -239,7 +239,8 @@ class ArmScene:
                 head_radius=0.5 * marker.scale.y, head_length=marker.scale.z)
         if marker.type == Marker.SPHERE:
             return self._scene.add_icosphere(
-                node, radius=0.5, scale=_size(marker), color=colour, opacity=marker.color.a,
+                node, radius=0.5, scale=_size(marker), color=colour,
+                opacity=None if marker.color.a == 1.0 else marker.color.a,  # visible in a pale one
                 wxyz=_wxyz(marker), position=_position(marker))
         return self._scene.add_label(node, marker.text, position=_position(marker))
 
