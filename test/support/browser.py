@@ -137,9 +137,10 @@ class Page:
         self.tab.get_by_role('button', name=button, exact=True).click()
 
     def place_of(self, button: str) -> Mapping[str, float]:
-        """Return the box of the button with this text [pixel]."""
-        box: Mapping[str, float] = self.tab.get_by_role(
-            'button', name=button, exact=True).bounding_box()
+        """Return the box of the button with this text [pixel], which is scrolled into view."""
+        place = self.tab.get_by_role('button', name=button, exact=True)
+        place.scroll_into_view_if_needed()
+        box: Mapping[str, float] = place.bounding_box()
         return box
 
     def wait_for_words(self, words: str) -> None:

@@ -42,7 +42,7 @@ TABLE = (
     '<table style="font-size: 11px; line-height: 1.2; text-align: right; table-layout: fixed; '
     'width: calc(100% - 20px); margin: 0 10px">'
     '<tr>{}<td>command</td><td>measured</td><td>limit</td></tr>{}</table>')
-NAME = '<td style="width: 34%; text-align: left; overflow-wrap: anywhere">{}</td>'
+NAME = '<td style="width: 28%; text-align: left; overflow-wrap: anywhere">{}</td>'
 """A cell; the table fits a page of 420 pixels, and its height does not change."""
 PLOT_WIDTH = 360
 """[px]"""
