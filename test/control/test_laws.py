@@ -11,20 +11,8 @@ import numpy as np
 from page_law import install_page_law, page_law
 import pytest
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.laws.control_law import (
-    ControlLaw,
-    GravityCompensation,
-    LawInput,
-    LawOutput,
-)
+from robot_dynamics.control.laws import control_law, law_table
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
-from robot_dynamics.control.laws.law_table import (
-    all_laws,
-    command_modes,
-    declared,
-    further_laws,
-    LAWS,
-)
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.joints.effort_convention import make_effort_convention
@@ -41,7 +29,7 @@ STATES = 40
 
 
 SPRING = page_law()
-ALL = {**LAWS, 'spring': SPRING}
+ALL = {**law_table.LAWS, 'spring': SPRING}
 UR5 = load_arm(robot_urdf('ur5'))
 N, Q = 6, np.full(6, 0.4)
 FOLLOWS = {name: name not in ('gravity_compensation', 'hand_guiding') for name in ALL}
@@ -49,7 +37,7 @@ FOLLOWS = {name: name not in ('gravity_compensation', 'hand_guiding') for name i
 
 @pytest.fixture(autouse=True)
 def _with_the_law_of_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(LAWS, 'spring', SPRING)
+    monkeypatch.setitem(law_table.LAWS, 'spring', SPRING)
 
 
 @pytest.fixture(scope='module', params=['ur5', 'panda'])
@@ -104,18 +92,18 @@ def test_the_terms_sum_to_the_command(arm, name, robot_compensates):
     follow(one, arm, with_reference=FOLLOWS[name])
 
 
-class Lifting(ControlLaw):
+class Lifting(control_law.ControlLaw):
     """A law without references: g(q) and 1 N·m."""
 
     follows = False
 
-    def effort(self, state: LawInput) -> np.ndarray:
+    def effort(self, state: control_law.LawInput) -> np.ndarray:
         return np.asarray(state.gravity + 1.0)
 
 
 def test_a_law_that_does_not_follow_acts_until_a_stop(monkeypatch):
     """Computed torque follows the stop."""
-    monkeypatch.setitem(LAWS, 'lifting', Lifting)
+    monkeypatch.setitem(law_table.LAWS, 'lifting', Lifting)
     one, q = make(UR5, 'lifting'), Q
     output = update(one, START, q, np.full(N, 0.1))
     assert output.command == pytest.approx(output.gravity_compensation + 1.0)
@@ -128,10 +116,10 @@ def test_a_law_that_does_not_follow_acts_until_a_stop(monkeypatch):
 def test_the_input_of_a_law_has_the_errors():
     seen = []
 
-    class Curious(GravityCompensation):
+    class Curious(control_law.GravityCompensation):
         follows = True
 
-        def __call__(self, state: LawInput) -> LawOutput:
+        def __call__(self, state: control_law.LawInput) -> control_law.LawOutput:
             seen.append(state)
             return super().__call__(state)
 
@@ -158,28 +146,28 @@ def _user_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[N
         'computed_torque = user_package.spring:Spring\n'))
     (tmp_path / 'user_package' / 'broken.py').write_text('raise RuntimeError("no gripper")')
     monkeypatch.syspath_prepend(tmp_path)
-    further_laws.cache_clear()
+    law_table.further_laws.cache_clear()
     yield
-    further_laws.cache_clear()
+    law_table.further_laws.cache_clear()
 
 
 @pytest.mark.usefixtures('_user_package')
 def test_a_law_of_another_package_is_a_command():
-    assert command_modes()[-4:] == ('absent', 'broken', 'own_spring', 'none')
+    assert law_table.command_modes()[-4:] == ('absent', 'broken', 'own_spring', 'none')
     one, q = make(UR5, 'own_spring'), Q
     assert one.laws.follows
     update(one, START, q, 0.0 * q)
     one.follow(hold(q + 0.02), 0)
     gravity = ArmDynamics(UR5).rigid_body.gravity(q)
     assert update(one, START + MS, q, 0.0 * q).command == pytest.approx(gravity + 200.0 * 0.02)
-    names = [parameter.name for parameter in declared('PARAMETERS')]
+    names = [parameter.name for parameter in law_table.declared('PARAMETERS')]
     assert names.count('spring.stiffness') == names.count('impedance.stiffness') == 1
-    assert 'broken' not in all_laws()
+    assert 'broken' not in law_table.all_laws()
 
 
 @pytest.mark.usefixtures('_user_package')
 def test_an_entry_point_does_not_replace_a_law_of_this_package():
-    assert command_modes().count('computed_torque') == 1
+    assert law_table.command_modes().count('computed_torque') == 1
     one, q = make(UR5, 'computed_torque'), Q
     update(one, START, q, 0.0 * q)
     one.follow(hold(q + 1e-4), 0)

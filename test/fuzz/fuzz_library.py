@@ -18,14 +18,7 @@ from robot_dynamics.control import Controller, ControllerOptions, make_gains
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model import ArmModel, Payload
-from robot_dynamics.ros.middleware.conversions import (
-    floats_to_ros,
-    payload_from_ros,
-    stamp_from_ros,
-    terms_to_ros,
-    trajectory_from_ros,
-    wrenches_from_ros,
-)
+from robot_dynamics.ros.middleware import conversions
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
@@ -68,21 +61,21 @@ def take_states(arm: ArmModel, events: list[Any]) -> None:
     payloads_done: list[Any] = []
 
     def act(event: Any) -> None:
-        stamp = stamp_from_ros(event.header.stamp)
+        stamp = conversions.stamp_from_ros(event.header.stamp)
         if hasattr(event, 'points'):
-            controller.follow(trajectory_from_ros(event, arm.joint_names), stamp)
+            controller.follow(conversions.trajectory_from_ros(event, arm.joint_names), stamp)
         elif hasattr(event, 'inertia'):
             controller.set_payloads(loads_of(arm, event), 0.5, payloads_done.append)
         else:
             q, v = reader.read(event)
             output = update(controller, stamp, q, 0.0 * q if v is None else v)
-            check_finite(floats_to_ros(output.gravity_compensation), 'gravity')
+            check_finite(conversions.floats_to_ros(output.gravity_compensation), 'gravity')
             if output.computed_torque is not None:
-                check_finite(floats_to_ros(output.computed_torque), 'computed_torque')
+                check_finite(conversions.floats_to_ros(output.computed_torque), 'computed_torque')
             assert output.command is not None
             check_finite(output.command, 'command')
             if output.terms is not None:  # None if an energy is not finite
-                check_finite(over_the_wire(terms_to_ros(
+                check_finite(over_the_wire(conversions.terms_to_ros(
                     output.terms, arm.joint_names, event.header.stamp)))
 
     refuse_if_most(events, sum(not accepts(act, event) for event in map(over_the_wire, events)))
@@ -96,7 +89,7 @@ def refuse_if_most(events: list[Any], refused: int) -> None:
 
 def loads_of(arm: ArmModel, message: Any) -> list[Payload]:
     """Return the loads of a message: one, or none."""
-    payload = payload_from_ros(arm, message)
+    payload = conversions.payload_from_ros(arm, message)
     return [] if payload is None else [payload]
 
 
@@ -110,7 +103,7 @@ def take_plant(arm: ArmModel, events: list[Any]) -> None:
 
     def act(event: Any) -> None:
         if hasattr(event, 'wrench'):
-            wrench, = wrenches_from_ros(arm, [event])
+            wrench, = conversions.wrenches_from_ros(arm, [event])
             plant.wrenches[wrench.link] = wrench
         elif hasattr(event, 'inertia'):
             plant.simulation.set_payloads(loads_of(arm, event))

@@ -5,15 +5,10 @@
 
 import numpy as np
 import pytest
+from robot_dynamics.model import regressor
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.regressor import (
-    inertial_parameters,
-    LoadRegressor,
-    random_states,
-    TorqueRegressor,
-)
 from robots import robot_urdf
 
 
@@ -21,10 +16,10 @@ from robots import robot_urdf
 def test_the_regressor_times_the_parameters_is_inverse_dynamics(name):
     # among them continuous, prismatic and mimic joints
     arm = load_arm(robot_urdf(name))
-    q, v, a = random_states(arm, 20)
-    Y = TorqueRegressor(arm)(q, v, a)
+    q, v, a = regressor.random_states(arm, 20)
+    Y = regressor.TorqueRegressor(arm)(q, v, a)
     expected = RigidBody(arm).inverse_dynamics_batch(q, v, a)
-    assert Y @ inertial_parameters(arm) == pytest.approx(
+    assert Y @ regressor.inertial_parameters(arm) == pytest.approx(
         expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
 
 
@@ -34,8 +29,8 @@ def test_the_regressor_of_a_load_times_its_parameters_is_its_effort(name, link):
     """Among them continuous, prismatic and mimic joints."""
     arm = load_arm(robot_urdf(name))
     load = make_payload(link, 2.5, (0.1, -0.05, 0.2), np.diag([0.02, 0.03, 0.04]))
-    states = random_states(arm, 20)
+    states = regressor.random_states(arm, 20)
     expected = ArmDynamics(arm.with_payloads([load])).inverse_dynamics_batch(*states) - (
         ArmDynamics(arm).inverse_dynamics_batch(*states))
-    effort = LoadRegressor(arm, link)(*states) @ load.body.toDynamicParameters()
+    effort = regressor.LoadRegressor(arm, link)(*states) @ load.body.toDynamicParameters()
     assert effort == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())

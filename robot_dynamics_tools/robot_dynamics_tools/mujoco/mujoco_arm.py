@@ -13,13 +13,7 @@ from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import wrench_from_ros
 from robot_dynamics.ros.middleware.shutdown import leave
-from robot_dynamics.ros.parameters.declared_parameters import (
-    DeclaredParameters,
-    numbers,
-    text,
-    texts,
-    Values,
-)
+from robot_dynamics.ros.parameters import declared_parameters
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.simulated_arm import plant_node
@@ -29,21 +23,21 @@ from robot_dynamics_tools.mujoco import mujoco_simulation
 from robot_dynamics_tools.mujoco.mjcf import arm_to_mjcf
 
 SPECS = (
-    text('mjcf', '', (
+    declared_parameters.text('mjcf', '', (
         'MJCF file of the arm and its surroundings: a path or package://PACKAGE/PATH. If empty, '
         'the planar two-link arm.'), read_only=True),
-    texts('mjcf_joints', (
+    declared_parameters.texts('mjcf_joints', (
         'Names in the MJCF of the joints that the efforts drive, in the order of all arrays. If '
         'empty, the names in joints; if these are empty too, the joints on which an actuator of '
         'the MJCF acts directly, or, without such actuators, all hinge and slide joints.'),
         read_only=True),
-    texts('joints', (
+    declared_parameters.texts('joints', (
         'Names of the driven joints in joint_states and effort_command, as in the URDF of '
         'dynamics. If empty, the names in the MJCF.'), read_only=True),
-    numbers('gravity', -1000.0, 1000.0, (
+    declared_parameters.numbers('gravity', -1000.0, 1000.0, (
         'Gravitational acceleration [m/s²]. If empty, that of the MJCF.')),
     *plant_node.LOOP_SPECS,
-    numbers('initial_position', -1e6, 1e6, (
+    declared_parameters.numbers('initial_position', -1e6, 1e6, (
         'Joint positions [rad] or [m] at start, one per driven joint. If empty, those of the '
         'first keyframe of the MJCF; without a keyframe, the reference pose or the position limit '
         'nearest to it.'), read_only=True),
@@ -82,7 +76,7 @@ class MujocoArmNode(plant_node.PlantNode):
     NAME = 'mujoco_arm'
 
     def _set_up(self) -> None:
-        values = DeclaredParameters(self, SPECS, _check, self._apply).values
+        values = declared_parameters.DeclaredParameters(self, SPECS, _check, self._apply).values
         if values['mjcf']:
             model = mujoco_simulation.load_mjcf(description_path(values['mjcf'], 'mjcf'))
         else:
@@ -101,7 +95,7 @@ class MujocoArmNode(plant_node.PlantNode):
         return wrench_from_ros(message, '')
 
 
-def _check(values: Values) -> None:
+def _check(values: declared_parameters.Values) -> None:
     if len(values['gravity']) not in (0, 3):
         raise InvalidInputError(
             f'gravity has {len(values["gravity"])} values, expected 3: x, y, z; or none')
