@@ -215,7 +215,7 @@ def test_a_missing_joint_follows_its_reference_and_then_brakes_as_far_as_it_can(
         last = signals.v[1]
         assert last == pytest.approx(expected)
     assert signals.lost is not None
-    assert signals.planned[0] == pytest.approx(0.3 * abs(last) / abs(1.0 + a * 0.05), rel=0.05)
+    assert one.gate.planned[0] == pytest.approx(0.3 * abs(last) / abs(1.0 + a * 0.05), rel=0.05)
 
 
 @FEW
@@ -256,6 +256,7 @@ def test_a_joint_that_friction_stops_is_never_missing(
 def test_a_slow_joint_may_rest_while_another_one_is_lost():
     one, slow = Fed(500.0), np.array([0.0, 0.0001])
     q = np.zeros(2)
+    one.starts(q)
     for _ in range(50):
         q = q + [0.002, 0.0]
         one.signals(q, np.array([1.0, 0.05]))

@@ -6,7 +6,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_dynamics.model.pseudo_inertia import (
+from robot_dynamics_tools.pseudo_inertia import (
     divergence_residuals,
     from_coordinates,
     is_consistent,
