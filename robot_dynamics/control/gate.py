@@ -324,7 +324,7 @@ class Gate:
         self._is_missing = bool(missing.any())
         lost = self._missing_ns > _LOST_NS
         if self._lost is None:
-            self.planned = np.abs(last.v)
+            self.planned, self.braking = np.abs(last.v), 1.0
         self._lost = lost if lost.any() else None
         self.plausibility.unseen = self._missing_ns / NANOSECONDS_PER_SECOND
         decay = np.exp(-DECAY * dt * self.braking)
