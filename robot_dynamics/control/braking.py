@@ -17,7 +17,7 @@ FAULT_DAMPING = 0.5
 def braked(
     controller: Controller, q: FloatArray, v: FloatArray, holding: FloatArray,
     ahead: FloatArray | None = None, returns: bool = False, lost: BoolArray | None = None,
-    planned: FloatArray | None = None,
+    planned: FloatArray | float = 0.0,
 ) -> FloatArray:
     """
     Return `holding` (n,), that of q, with a torque −M D v that brakes, within the effort limits.
@@ -52,6 +52,17 @@ def braked(
         if not np.isfinite(torque).all():
             return holding
         return torque if drive is None else drive.command(torque)
+
+
+def braking_share(
+    controller: Controller, damping: FloatArray, wanted: FloatArray,
+) -> FloatArray:
+    """Return the share (n,) of the wanted damping that acts, with the known dry friction."""
+    arm = controller.arm
+    friction = np.abs(arm.friction.at_rest.static / arm.given_drive.scale) * np.sign(wanted)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        return np.where(
+            wanted != 0.0, np.clip((damping + friction) / wanted, 0.0, 1.0), 1.0)
 
 
 def coasting(

@@ -85,8 +85,7 @@ class Signals(NamedTuple):
     """
     Position and velocity (n,) in use, the verdict on the state, and the delay [s] of the velocity.
 
-    `lost` (n,) marks joints without a signal, None for none; an arm that loses one is assumed to
-    brake to at most the speeds `planned` (n,). The velocity of a first state is 0.
+    `lost` (n,) marks joints without a signal, None for none. The velocity of a first state is 0.
     """
 
     q: FloatArray
@@ -94,7 +93,6 @@ class Signals(NamedTuple):
     verdict: StateVerdict
     delay: float = 0.0
     lost: BoolArray | None = None
-    planned: FloatArray | None = None
 
 
 class Gate:
@@ -152,7 +150,8 @@ class Gate:
         self.plausibility.unseen = zero
         self._lost: BoolArray | None = None
         """Which joints (n,) have no signal, None for none."""
-        self._planned = zero
+        self.planned = zero
+        """The speeds (n,) of an arm that brakes after the loss of a joint."""
         self._left: FloatArray | None = None
         """The reference (n,) when the position of each joint began to repeat."""
         self._claimed = zero
@@ -232,8 +231,7 @@ class Gate:
         if not self._is_missing:
             np.minimum(self._increment, np.abs(step), out=self._increment, where=step != 0.0)
         self._signals = Signals(
-            q, used, verdict, 0.5 * span if is_late else 0.0, self._lost,
-            None if self._lost is None else self._planned)
+            q, used, verdict, 0.5 * span if is_late else 0.0, self._lost)
         return self._signals
 
     def _agreeing(
@@ -325,11 +323,12 @@ class Gate:
         self._missing_ns = np.where(missing, missing_ns + passed_ns, 0)
         self._is_missing = bool(missing.any())
         lost = self._missing_ns > _LOST_NS
-        self._planned = np.abs(last.v) if self._lost is None else self._planned
+        if self._lost is None:
+            self.planned, self.braking = np.abs(last.v), 1.0
         self._lost = lost if lost.any() else None
         self.plausibility.unseen = self._missing_ns / NANOSECONDS_PER_SECOND
         decay = np.exp(-DECAY * dt * self.braking)
-        self._planned = np.max(decay) * self._planned
+        self.planned = np.max(decay) * self.planned
         v = np.where(lost, decay * last.v, last.v + (
             0.0 if reference is None else dt * reference.acceleration))
         self._signals = last._replace(v=v)

@@ -20,7 +20,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.braking import braked, coasting
+from robot_dynamics.control.braking import braked, braking_share, coasting
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.drive_check import DriveCheck
@@ -292,7 +292,7 @@ class ControlLoop:
 
     def _answer(self, signals: Signals, now: float, fault: Fault | None) -> LoopAnswer:
         controller, supervisor = self.controller, self.supervisor
-        q, v, verdict, delay, lost, planned = signals
+        q, v, verdict, delay, lost = signals
         if not verdict.is_new and self._output is not None and not self._awaits_command:
             return LoopAnswer(supervisor.repeat(), self._output, verdict)
         if lost is not None:
@@ -318,11 +318,13 @@ class ControlLoop:
         if self.is_active and supervisor.mode is Mode.INACTIVE:
             supervisor.activate()
         brake: Brake = partial(
-            braked, controller, returns=supervisor.was_inside, lost=lost, planned=planned)
+            braked, controller, returns=supervisor.was_inside, lost=lost,
+            planned=self.gate.planned)
         limited = supervisor.answer(
             now, q, v, output.command, output.holding_effort, verdict.dt, brake, fault,
             output.motion_equation, output.state.trajectory is not None)
-        self.gate.braking = supervisor.braking
+        if lost is not None:
+            self.gate.braking = braking_share(controller, *supervisor.damping)
         self._endings.follow_state(now, verdict.stamp, q, v)
         return LoopAnswer(limited, output, verdict, output.limits + (
             supervisor.limiter.active if supervisor.mode is Mode.RUNNING else ()))

@@ -60,15 +60,15 @@ def is_held(controller: Controller, q: FloatArray, error: FloatArray) -> BoolArr
     but for SURPLUS; other friction is assumed to be as large as usual in gearboxes. A further
     error of LEFT is tolerated.
     """
-    friction, limit = controller.arm.friction.at_rest, controller.arm.limits.effort
+    friction, limit = controller.arm.friction, controller.arm.limits.effort
     usual = np.where(np.isfinite(limit), USUAL_FRICTION * limit, 0.0)
     with controller.lock:
         M = controller.dynamics.rigid_body.mass_matrix(q)
         K_p, K_d = controller.laws.feedback_gains
     drives = controller.options.drive_stiffness
-    viscous = controller.arm.friction.viscous * K_p / np.maximum(K_d, 1e-9)
+    viscous = friction.viscous * K_p / np.maximum(K_d, 1e-9)
     K = M * K_p + np.diag(viscous) if drives is None else np.diag(drives)
-    known = friction.static + friction.offset
+    known = friction.at_rest.static + np.abs(friction.offset)
     holding = np.where(known > 0.0, SURPLUS * known, usual) + LEFT * np.diagonal(K)
     return np.asarray(np.abs(K @ error) <= holding)
 

@@ -39,10 +39,9 @@ _SLOW = 1e-9
 
 
 class FrictionAtRest(NamedTuple):
-    """The friction (n,) that may hold a joint at rest in any direction, and its offset, >= 0."""
+    """The friction (n,) that may hold a joint at rest in any direction."""
 
     static: FloatArray
-    offset: FloatArray
 
 
 class JointFriction:
@@ -67,8 +66,7 @@ class JointFriction:
         """Whether there is no friction."""
         self.at_rest = FrictionAtRest(
             sum((size * shape(self, self._rest + np.inf) for shape, size, _ in self._smooth
-                 if shape is not VISCOUS.shape), start=self.dry(self._rest)),
-            np.abs(self.offset))
+                 if shape is not VISCOUS.shape), start=self.dry(self._rest)))
 
     if TYPE_CHECKING:
         def __getattr__(self, name: str) -> FloatArray: ...

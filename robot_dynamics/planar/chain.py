@@ -176,14 +176,10 @@ def _link_ends(points: PlanarPositions) -> FloatArray:
     return np.vstack([points.joints[1:], points.tip])
 
 
-def _perpendicular(lever: FloatArray) -> FloatArray:
-    return np.array([lever[1], -lever[0]])
-
-
 def _moment(lever: FloatArray, force: FloatArray) -> float:
     return float(lever[1] * force[0] - lever[0] * force[1])
 
 
 def _acceleration_about(lever: FloatArray, omega: float, omega_dot: float) -> FloatArray:
     """Return the acceleration of the lever's end relative to its start: tangential, inward."""
-    return omega_dot * _perpendicular(lever) - omega**2 * lever
+    return omega_dot * np.array([lever[1], -lever[0]]) - omega**2 * lever

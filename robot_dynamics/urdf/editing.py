@@ -18,12 +18,13 @@ from robot_dynamics.urdf.document import check_document
 
 def with_elements(
     urdf: str, inertials: Mapping[str, str], dynamics: Mapping[str, Mapping[str, str]],
+    limits: Mapping[str, Mapping[str, str]] | None = None,
 ) -> str:
     """
-    Return the URDF with new `<inertial>` of links and attributes of `<dynamics>` of joints.
+    Return the URDF with new `<inertial>` of links, and attributes of elements of joints.
 
-    Other attributes of `<dynamics>` are kept. The result declares UTF-8, and is to be written in
-    it. Raises ModelError if the text is not valid XML, is too large or has a DTD.
+    Other attributes of `<dynamics>` and `<limit>` are kept. The result declares UTF-8, and is to be
+    written in it. Raises ModelError if the text is not valid XML, is too large or has a DTD.
     """
     document = _parsed(urdf)
     robot = document.documentElement
@@ -34,19 +35,8 @@ def with_elements(
             text = inertials[link.getAttribute('name')]
             _insert_first(document, link, minidom.parseString(text).documentElement)
     for joint in _children(robot, 'joint'):
-        _set(document, joint, 'dynamics', dynamics.get(joint.getAttribute('name'), {}))
-    return _text(document)
-
-
-def with_limits(urdf: str, limits: Mapping[str, Mapping[str, str]]) -> str:
-    """
-    Return the URDF with these attributes of `<limit>` of joints; others are kept.
-
-    Raises ModelError like `with_elements`.
-    """
-    document = _parsed(urdf)
-    for joint in _children(document.documentElement, 'joint'):
-        _set(document, joint, 'limit', limits.get(joint.getAttribute('name'), {}))
+        for tag, values in (('dynamics', dynamics), ('limit', limits or {})):
+            _set(document, joint, tag, values.get(joint.getAttribute('name'), {}))
     return _text(document)
 
 

@@ -49,8 +49,7 @@ def test_a_fault_before_or_during_the_stop_holds_and_damps_the_arm(before):
         effort = one.answer(
             START + k * PERIOD, np.zeros(2), np.ones(2), PUSH, HOLD.copy, PERIOD,
             lambda *_: damped)
-        share = np.clip((effort - HOLD) / [2.0, -3.0], 0.0, 1.0)
-        assert one.braking == pytest.approx(share)
+        assert one.damping == (pytest.approx(effort - HOLD), pytest.approx([2.0, -3.0]))
     assert effort == pytest.approx(damped)
     one.end(START + 0.4, Ending.by(TROUBLE))
     assert one.fault_count == 1

@@ -156,16 +156,16 @@ def test_a_gap_up_to_the_state_timeout_continues_the_motion(passed, fault):
     (0.021, 25, ''), (0.021, 26, 'frozen_joint'), (0.019, 100, '')])
 def test_a_joint_whose_position_repeats_in_motion_is_frozen_after_50_ms(speed, count, fault):
     """command.md: although it moved at 0.02 rad/s before."""
-    one = Fed(arm_named('default'), Q).states(1, 0.001).states(20, speed)
+    one = Fed(arm_named('default'), Q).states(2, 0.001).states(20, speed)
     for _ in range(count):
-        one.state([0.2, 0.0])
+        one.state([speed, 0.0])
     assert one.fault == fault
 
 
 @pytest.mark.parametrize(('share', 'ends'), [(0.099, False), (0.101, True)])
 def test_an_arm_with_a_frozen_joint_is_held_while_the_others_rest(share, ends):
     """command.md: up to 0.1 of the velocity limit from 0.5 s after the fault; else a ramp."""
-    one = Fed(arm_named('default'), Q).states(1, 0.001).states(20, 0.3)
+    one = Fed(arm_named('default'), Q).states(2, 0.001).states(20, 0.3)
     one.state([0.3, 0.0])
     efforts = [one.state([10.0 * share, 0.0]) for _ in range(700)]
     assert one.fault == 'frozen_joint'
@@ -344,7 +344,7 @@ def test_a_contradiction_of_publishers_ends_after_100_valid_states():
 
 
 def test_a_frozen_joint_recovers_after_25_states_that_change():
-    one = Fed(arm_named('default'), Q).states(1, 0.001).states(20, 0.3)
+    one = Fed(arm_named('default'), Q).states(2, 0.001).states(20, 0.3)
     for _ in range(30):
         one.state([0.3, 0.0])
     assert one.fault == 'frozen_joint'

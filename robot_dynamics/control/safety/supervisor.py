@@ -94,8 +94,8 @@ class CommandSupervisor:
         """Whether the law continues in a fault, because a position limit is its only cause."""
         self.was_inside = False
         """Whether the arm has been inside its position limits since `activate`."""
-        self.braking: FloatArray | float = 1.0
-        """Share (n,) of the damping in a fault that the last effort has."""
+        self.damping = np.zeros(len(joint_names)), np.zeros(len(joint_names))
+        """The effort (n,) that last damped the arm in a fault, within the limits and without."""
 
     def set_options(self, limits: EffortLimits, options: SafetyOptions) -> None:
         """Apply limits and options, also those of another model of the same joints."""
@@ -265,10 +265,8 @@ class CommandSupervisor:
                 self._fail(now, fault)
         if self.limiter.last is None:  # no effort has begun, or the action has ended
             return None, braked
-        limited, damping = self._action.limited(braked, passed), braked - still
-        with np.errstate(divide='ignore', invalid='ignore'):
-            self.braking = np.where(
-                damping != 0.0, np.clip((limited - still) / damping, 0.0, 1.0), 1.0)
+        limited = self._action.limited(braked, passed)
+        self.damping = limited - still, braked - still
         return limited, braked
 
     def repeat(self) -> FloatArray | None:

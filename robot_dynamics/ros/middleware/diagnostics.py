@@ -3,7 +3,7 @@
 
 """The publisher of `dynamics` on /diagnostics: once per second, and after a change."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -37,13 +37,6 @@ class Status(NamedTuple):
 def joint_key(beginning: str, joint: str, unit: str) -> str:
     """Return the key of a value of a joint."""
     return f'{beginning} {joint} [{unit}]'
-
-
-def values_per_joint(values: Iterable[KeyValue], beginning: str) -> dict[str, float]:
-    """Return the values per joint whose keys have this beginning."""
-    return {
-        pair.key.removeprefix(f'{beginning} ').rpartition(' [')[0]: float(pair.value)
-        for pair in values if pair.key.startswith(f'{beginning} ')}
 
 
 def publish_diagnostics(

@@ -10,7 +10,7 @@ import sys
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model_check.report import check_description, NEXT_STEPS
-from robot_dynamics.urdf.editing import with_continuous_joints, with_limits
+from robot_dynamics.urdf.editing import with_continuous_joints, with_elements
 from robot_dynamics.validation import check_scalar, LARGEST_VALUE
 from robot_dynamics_tools.connect.checks import BAD, Checklist, GOOD
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, LATCHED, NoAnswerError
@@ -115,7 +115,7 @@ def _completed(
                     of_joint[what] = text
                 else:
                     missing.append(f'{what} of {name}')
-    urdf = with_limits(urdf, values) if any(values.values()) else urdf
+    urdf = with_elements(urdf, {}, {}, values) if any(values.values()) else urdf
     limits = arm_from_urdf(urdf, arm.joint_names).limits
     checks.add('limits', BAD if missing else GOOD, (
         f'missing or 0: {", ".join(missing)}' if missing else 'velocity and effort ' + ', '.join(

@@ -25,7 +25,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.monitoring.drive_verdicts import AGREES
 from robot_dynamics.monitoring.drive_verdicts import UNKNOWN as UNSEEN
-from robot_dynamics.ros.middleware.diagnostics import STIFFNESS, values_per_joint
+from robot_dynamics.ros.middleware.diagnostics import STIFFNESS
 from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics_tools.connect.checks import BAD, Checklist, Settings, UNKNOWN
 from robot_dynamics_tools.connect.gravity import is_scale
@@ -35,6 +35,7 @@ from robot_dynamics_tools.recordings.interrupts import uninterrupted
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.move import goal_publication, MotionWatch
+from robot_dynamics_tools.ros2_dynamics.orders import values_per_joint
 from sensor_msgs.msg import JointState
 
 NAMESPACE = '/connect'

@@ -7,7 +7,7 @@ from argparse import Namespace
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from lifecycle_msgs.srv import GetState
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware import diagnostics
@@ -64,13 +64,20 @@ def answer_command(client: DynamicsClient, arguments: Namespace) -> Answer:
 
 # ------------------------------------------------------------------------------ status
 
+def values_per_joint(values: Iterable[KeyValue], beginning: str) -> dict[str, float]:
+    """Return the values per joint whose keys have this beginning (`joint_key`)."""
+    return {
+        pair.key.removeprefix(f'{beginning} ').rpartition(' [')[0]: float(pair.value)
+        for pair in values if pair.key.startswith(f'{beginning} ')}
+
+
 def values_at_rest(node: str, statuses: Iterable[DiagnosticStatus]) -> dict[str, dict[str, float]]:
     """Return stiffness and error by joint in the diagnostics, and the stiffness of drives."""
     pairs = [pair for status in statuses if status.name == f'{node}: reference'
              for pair in status.values]
-    drives = diagnostics.values_per_joint(pairs, diagnostics.DRIVE_STIFFNESS)
-    return {'stiffness': diagnostics.values_per_joint(pairs, diagnostics.STIFFNESS),
-            'friction_error': diagnostics.values_per_joint(pairs, diagnostics.FRICTION_ERROR),
+    drives = values_per_joint(pairs, diagnostics.DRIVE_STIFFNESS)
+    return {'stiffness': values_per_joint(pairs, diagnostics.STIFFNESS),
+            'friction_error': values_per_joint(pairs, diagnostics.FRICTION_ERROR),
             **({'drive_stiffness': drives} if drives else {})}
 
 
