@@ -70,13 +70,13 @@ class Rows(NamedTuple):
     """
     A group of rows z (c,), reduced to R (k, c) with RᵀR = Σ w z zᵀ, and their model.
 
-    `count` is the number of independent rows. The effort is z·`effort`, its model is
+    `size` is the number of independent rows. The effort is z·`effort`, its model is
     z·(`linear` @ θ), with `linear` (c, u). With a `scale`, the number of an unknown, the model has
     θ_scale z·(`known` + `scaled` @ θ) in addition.
     """
 
     factor: FloatArray
-    count: float
+    size: float
     effort: FloatArray
     linear: FloatArray
     scale: int | None = None
@@ -166,7 +166,7 @@ def fit_effort(
     are those of the `rule` then.
     """
     theta, freedom = start.copy(), np.ones(len(groups))
-    counts = np.array([rows.count for rows in groups])
+    counts = np.array([rows.size for rows in groups])
     for _ in range(_MOST_ROUNDS if groups else 0):
         A, b, group = stacked(groups, theta, variances, prior(variances), start)
         found = decomposed(A)

@@ -196,7 +196,7 @@ class Evaluation:
             EffortSeries(*(each[part] for each in (
                 motion.times, motion.position, motion.velocity, motion.acceleration, effort,
                 effort if recorded is None else recorded, model, single)),
-                float(motion.times[first]) if first < len(motion.times) else float('nan')),
+                test_from=float(motion.times[first]) if first < len(motion.times) else np.nan),
             samples if self.keeps_samples else None)
 
 
