@@ -16,12 +16,12 @@ that of the URDF, suggest another arm.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import ArmModel
@@ -220,26 +220,8 @@ def corrected(
     delay, causes = find_contradictions(arm, motion, has_load)
     if not delay:
         return motion, causes
-    return without_delay(motion, delay), (delay_text(delay), *causes)
-
-
-def delay_text(delay: float) -> str:
-    """Return a sentence about a delay [s]."""
-    return f'the effort is {1e3 * abs(delay):.0f} ms {"late" if delay > 0.0 else "early"}'
-
-
-def without_delay(motion: FilteredMotion, delay: float) -> FilteredMotion:
-    """Return a motion with the effort `delay` [s] later; its last samples have none, and end."""
-    t, number = motion.times, motion.segment
-    first, last = (t[np.searchsorted(number, number, side) - (side == 'right')]
-                   for side in ('left', 'right'))
-    at = t + delay
-    kept = (at >= first) & (at <= last)
-    late = motion.with_efforts(lambda effort: np.stack([
-        np.interp(at, t, column) for column in effort.T], axis=1))
-    return replace(late, **{
-        field.name: getattr(late, field.name)[kept] for field in fields(late)
-        if isinstance(getattr(late, field.name), np.ndarray)})
+    return motion.without_delay(delay), (
+        f'the effort is {1e3 * abs(delay):.0f} ms {"late" if delay > 0.0 else "early"}', *causes)
 
 
 class _Test:
@@ -326,54 +308,55 @@ class _Test:
             self._reduced[key] = G[own:, own:] - G[own:, :own] @ values, values
         return self._reduced[key]
 
-    def _efforts(self, hypothesis: _Hypothesis) -> dict[int, int]:
-        """Return the column of the effort of each measured joint."""
-        y = self.effort + int(np.argmin(np.abs(DELAYS - hypothesis.delay)))
+    def _efforts(self, hypothesis: _Hypothesis) -> tuple[IntArray, FloatArray]:
+        """Return the column of the effort of each measured joint, and its gain."""
+        column = self.effort + int(np.argmin(np.abs(DELAYS - hypothesis.delay)))
         pairs = list(zip(hypothesis.swapped[::2], hypothesis.swapped[1::2]))
         partners = {**dict(pairs), **{j: i for i, j in pairs}}
-        return {j: self._others + partners[j] if j in partners else y for j in self.measured}
+        return (
+            np.array([self._others + partners[j] if j in partners else column
+                      for j in self.measured]),
+            np.array([(-1.0 if j in hypothesis.flipped else 1.0) / hypothesis.unit
+                      for j in self.measured]))
 
     def fit(self, hypothesis: _Hypothesis) -> _Fit:
         """Return the fit of a hypothesis."""
-        p, own, effort = self._p, self._own, self._efforts(hypothesis)
-        chosen = {j: np.array([*range(p), *hypothesis.columns, y]) for j, y in effort.items()}
-        size = p + len(hypothesis.columns) + 1
-        gains = {j: (-1.0 if j in hypothesis.flipped else 1.0) / hypothesis.unit
-                 for j in self.measured}
-        powers = {j: gain**2 * self._products[j][own + effort[j], own + effort[j]]
-                  for j, gain in gains.items()}
-        is_used = dict.fromkeys(self.measured, (True, True))
-        variance = dict.fromkeys(self.measured, 0.01)  # relative to the power
-        x = np.zeros(size)
+        p, own, (effort, gains) = self._p, self._own, self._efforts(hypothesis)
+        powers = gains**2 * self._products[self.measured, own + effort, own + effort]
+        joints = list(zip(self.measured, (
+            np.array([*range(p), *hypothesis.columns, column]) for column in effort)))
+        # (rotor, sliding) and the variance of each joint, relative to the power
+        used, variance = [(True, True)] * len(joints), np.full(len(joints), 0.01)
+        x, W = np.zeros(p + len(hypothesis.columns) + 1), self._regularization
         for _ in range(12):
-            H, change = np.zeros((size, size)), 0.0
-            H[:p, :p], H[:p, -1] = self._regularization, self._regularization @ self.prior
-            for j, columns in chosen.items():
-                S = self._without_own(j, *is_used[j])[0][np.ix_(columns, columns)]
-                S[-1] *= gains[j]
-                S[:, -1] *= gains[j]
-                H += self._count / (variance[j] * powers[j]) * S
+            H = np.zeros((len(x), len(x)))
+            H[:p, :p], H[:p, -1] = W, W @ self.prior
+            for i, (j, columns) in enumerate(joints):
+                S = self._without_own(j, *used[i])[0][np.ix_(columns, columns)]
+                S[-1] *= gains[i]
+                S[:, -1] *= gains[i]
+                H += self._count / (variance[i] * powers[i]) * S
             scale = 1.0 / np.sqrt(np.maximum(np.diag(H)[:-1], 1e-300))
             x[:-1] = scale * np.linalg.solve(
                 scale[:, np.newaxis] * H[:-1, :-1] * scale + 1e-9 * np.eye(len(scale)),
                 scale * H[:-1, -1])
-            for j, columns in chosen.items():
-                x[-1] = -gains[j]
-                S, values = self._without_own(j, *is_used[j])
-                G = self._products[j]
-                found = max(float(x @ S[np.ix_(columns, columns)] @ x) / powers[j], LEAST_NOISE**2)
+            before, were_used = variance.copy(), list(used)
+            for i, (j, columns) in enumerate(joints):
+                x[-1] = -gains[i]
+                S, values = self._without_own(j, *used[i])
+                squares = float(x @ S[np.ix_(columns, columns)] @ x)
+                variance[i] = max(squares / powers[i], LEAST_NOISE**2)
                 joint = -values[:, columns] @ x
-                sliding = joint[_SLIDING:] @ G[_SLIDING:own, _SLIDING] >= 0.0
-                now = (is_used[j][0] and joint[_ROTOR] >= 0.0, is_used[j][1] and bool(sliding))
-                change = max(change, abs(np.log(found / variance[j])), float(now != is_used[j]))
-                variance[j], is_used[j] = found, now
-            if change < 0.02:
+                drives = joint[_SLIDING:] @ self._products[j, _SLIDING:own, _SLIDING] < 0.0
+                used[i] = (used[i][0] and bool(joint[_ROTOR] >= 0.0),
+                           used[i][1] and not drives)
+            if used == were_used and (np.abs(np.log(variance / before)) < 0.02).all():
                 break
-        error, found = x[:p] - self.prior, np.array(list(variance.values()))
+        error = x[:p] - self.prior
         return _Fit(float(
-            0.5 * self._count * np.log(found).sum() + 0.5 * error @ self._regularization @ error
+            0.5 * self._count * np.log(variance).sum() + 0.5 * error @ W @ error
             + 0.5 * len(hypothesis.columns) * np.log(max(self._count, 1.0))),
-            x[:p], x[p:-1], np.sqrt(found))
+            x[:p], x[p:-1], np.sqrt(variance))
 
     def cost(self, hypothesis: _Hypothesis) -> float:
         """Return the cost of `fit`, ∞ if an offset of an encoder is implausibly large."""

@@ -12,7 +12,7 @@ parameters of robots", J. Robotic Systems 8(4), 1991; J. Swevers, W. Verdonck, J
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray, NANOSECONDS_PER_SECOND
@@ -82,6 +82,18 @@ class FilteredMotion:
         """Return the motion with a change of its effort, before and behind the filter."""
         return replace(self, effort=change(self.measured_effort), recorded_effort=None if (
             self.recorded_effort is None) else change(self.recorded_effort))
+
+    def without_delay(self, delay: float) -> 'FilteredMotion':
+        """Return the motion with the effort `delay` [s] later; samples without effort are cut."""
+        t, number = self.times, self.segment
+        first, last = (t[np.searchsorted(number, number, side) - (side == 'right')]
+                       for side in ('left', 'right'))
+        kept = (t + delay >= first) & (t + delay <= last)
+        late = self.with_efforts(lambda effort: np.stack([
+            np.interp(t + delay, t, column) for column in effort.T], axis=1))
+        return replace(late, **{
+            field.name: getattr(late, field.name)[kept] for field in fields(late)
+            if isinstance(getattr(late, field.name), np.ndarray)})
 
 
 def filter_motion(series: JointSeries, cutoff_hz: float | None = None) -> FilteredMotion:

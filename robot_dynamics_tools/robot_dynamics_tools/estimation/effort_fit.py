@@ -70,13 +70,13 @@ class Rows(NamedTuple):
     """
     A group of rows z (c,), reduced to R (k, c) with RᵀR = Σ w z zᵀ, and their model.
 
-    `count` is the number of independent rows. The effort is z·`effort`, its model is
+    `size` is the number of independent rows. The effort is z·`effort`, its model is
     z·(`linear` @ θ), with `linear` (c, u). With a `scale`, the number of an unknown, the model has
     θ_scale z·(`known` + `scaled` @ θ) in addition.
     """
 
     factor: FloatArray
-    count: float
+    size: float
     effort: FloatArray
     linear: FloatArray
     scale: int | None = None
@@ -156,17 +156,20 @@ def residual_variances(
 
 
 def fit_effort(
-    groups: Sequence[Rows], start: FloatArray, variances: FloatArray,
-    prior: Callable[[FloatArray], FloatArray], rule: Variances = residual_variances,
+    groups: Sequence[Rows], start: FloatArray, variances: FloatArray | None = None,
+    prior: Callable[[FloatArray], FloatArray] | None = None,
+    rule: Variances = residual_variances,
 ) -> EffortFit:
     """
     Return the fit of the unknowns, from θ = `start` (u,), which is also the mean of the prior.
 
-    `prior` returns W (r, u) at the variances (g,) of the groups, which begin with `variances`, and
-    are those of the `rule` then.
+    `prior` returns W (r, u) at the variances (g,) of the groups, which begin with `variances`, by
+    default 1, and are those of the `rule` then.
     """
     theta, freedom = start.copy(), np.ones(len(groups))
-    counts = np.array([rows.count for rows in groups])
+    variances = freedom if variances is None else variances
+    prior = prior or (lambda _: np.zeros((0, len(start))))
+    counts = np.array([rows.size for rows in groups])
     for _ in range(_MOST_ROUNDS if groups else 0):
         A, b, group = stacked(groups, theta, variances, prior(variances), start)
         found = decomposed(A)
@@ -185,11 +188,11 @@ def fit_effort(
 
 
 def stacked(
-    groups: Sequence[Rows], theta: FloatArray, variances: FloatArray, W: FloatArray,
-    mean: FloatArray,
+    groups: Sequence[Rows], theta: FloatArray, variances: FloatArray,
+    W: FloatArray | None = None, mean: FloatArray | float = 0.0,
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """Return A (m, u) and b (m,) of a step from θ, weighted, and the group of each row (m,)."""
-    sizes = np.sqrt(variances)
+    sizes, W = np.sqrt(variances), np.zeros((0, len(theta))) if W is None else W
     A = [*(rows.jacobian(theta) / size for rows, size in zip(groups, sizes)), W]
     b = [*(rows.factor @ rows.residual(theta) / size for rows, size in zip(groups, sizes)),
          W @ (mean - theta)]

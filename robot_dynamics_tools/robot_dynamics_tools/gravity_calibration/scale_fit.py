@@ -120,7 +120,7 @@ def fit_scales(seen: Observations, assumed: FloatArray) -> effort_fit.EffortFit:
         return np.maximum(found, floor), freedom
 
     return effort_fit.fit_effort(
-        [seen.rows(j) for j in range(n)], start, np.ones(n), lambda _: W, variances)
+        [seen.rows(j) for j in range(n)], start, None, lambda _: W, variances)
 
 
 def _first_values(seen: Observations) -> FloatArray:

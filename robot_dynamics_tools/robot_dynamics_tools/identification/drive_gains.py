@@ -118,13 +118,12 @@ def drive_gains(information: QrInformation, prior: Prior) -> GainEstimate:
     z, unit = np.eye(factors.shape[-1]), np.eye(first + p)
     known, masses = prior.parameters @ z[:p] + z[p + friction_regressor.PAYLOAD], z[:, :p] @ spread
     friction, errors = z[:, p + own] @ unit[1:first], masses @ unit[first:]
-    linear, no_prior = np.column_stack([known, z[:, p + own]]), np.zeros((0, first))
+    linear = np.column_stack([known, z[:, p + own]])
     for j in np.flatnonzero(information.is_measured).tolist():
         R = factors[j]
         if np.linalg.norm(R @ known) <= 1e-9 * np.linalg.norm(R[:, -1]):
             continue
-        fit = fit_effort([Rows(R, counts[j], z[-1], linear)], np.zeros(first), np.ones(1),
-                         lambda _: no_prior)
+        fit = fit_effort([Rows(R, counts[j], z[-1], linear)], np.zeros(first))
         inverse, by_noise = fit.values[0], np.linalg.norm(fit.solution.back, axis=1)
         by_masses = inverse * (fit.solution.inverse[0] @ R @ masses) / np.sqrt(fit.variances)
         error = np.hypot(by_noise[0], np.linalg.norm(by_masses))
@@ -133,7 +132,7 @@ def drive_gains(information: QrInformation, prior: Prior) -> GainEstimate:
         noise[j] = by_noise[0] / inverse**2 if inverse else np.inf
         if R[:, p + friction_regressor.PAYLOAD].any():
             wide = fit_effort([Rows(R, counts[j], z[-1], friction, 0, known, errors)],
-                              np.zeros(first + p), np.ones(1), lambda _: unit[first:])
+                              np.zeros(first + p), prior=lambda _: unit[first:])
             of_wide = np.linalg.norm(wide.solution.back[0])
             if of_wide < error:
                 inverse, error = wide.values[0], of_wide

@@ -193,10 +193,11 @@ class Evaluation:
             recording.facts, contradictions=corrected(arm, motion)[1])
         return EvaluatedRecording(
             facts, evaluate_motion(arm, motion, recording.train_fraction, self.models),
-            EffortSeries(*(each[part] for each in (
-                motion.times, motion.position, motion.velocity, motion.acceleration, effort,
-                effort if recorded is None else recorded, model, single)),
-                float(motion.times[first]) if first < len(motion.times) else float('nan')),
+            EffortSeries(
+                float(motion.times[first]) if first < len(motion.times) else np.nan, *(
+                    each[part] for each in (
+                        motion.times, motion.position, motion.velocity, motion.acceleration,
+                        effort, effort if recorded is None else recorded, model, single))),
             samples if self.keeps_samples else None)
 
 
@@ -210,6 +211,7 @@ class EffortSeries:
     for training.
     """
 
+    test_from: float
     times: FloatArray
     position: FloatArray
     velocity: FloatArray
@@ -218,7 +220,6 @@ class EffortSeries:
     recorded: FloatArray
     model: FloatArray
     single: FloatArray
-    test_from: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,23 +71,22 @@ def estimate_parameters(
     joints = np.flatnonzero(information.is_measured).tolist()
     counts = float(information.rows.sum()) / information.samples_per_independent_sample
     blocks, names = _columns(information, base, problem)
-    effort, W = np.eye(len(blocks[0]))[-1], np.zeros((0, len(names)))
+    effort = np.eye(len(blocks[0]))[-1]
 
     def groups(factors: FloatArray) -> list[effort_fit.Rows]:
         return [effort_fit.Rows(factors[j], counts[j], effort, blocks[j]) for j in joints]
 
-    fit = effort_fit.fit_effort(groups(information.together()), np.zeros(len(names)),
-                     np.ones(len(joints)), lambda _: W)
+    fit = effort_fit.fit_effort(groups(information.together()), np.zeros(len(names)))
     x, is_lost = fit.values, fit.solution.is_lost
     noise = np.linalg.norm(fit.solution.back, axis=1)
-    parts = [effort_fit.stacked(groups(information.all_but(i)), x, fit.variances, W, x)
+    parts = [effort_fit.stacked(groups(information.all_but(i)), x, fit.variances)
              for i in information.folds]
     changes = np.array([effort_fit.decomposed(A).inverse @ b for A, b, _ in parts])
     jackknife = np.sqrt((changes**2).sum(axis=0) * (1.0 - 1.0 / len(parts)))
     known = ~is_lost & (noise > 0.0)
     widening = max(float(np.median(jackknife[known] / noise[known])), 1.0) if known.any() else 1.0
     deviations = np.where(is_lost, np.inf, np.maximum(widening * noise, jackknife))
-    A, _, _ = effort_fit.stacked(groups(information.together()), x, fit.variances, W, x)
+    A, _, _ = effort_fit.stacked(groups(information.together()), x, fit.variances)
     s_base = np.linalg.svd(A[:, :r] * column_scale(A[:, :r]), compute_uv=False)
     size = _scale_of(base, prior, n)
     before = np.concatenate([

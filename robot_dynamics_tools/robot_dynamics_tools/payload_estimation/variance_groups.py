@@ -186,7 +186,7 @@ def rows_per_independent_row(groups: list[Group], theta: FloatArray) -> FloatArr
     for i, group in enumerate(groups):
         if group.lagged is not None:
             u = group.rows.residual(theta)
-            power = max(group.rows.squares(theta), 1e-300) / group.rows.count
+            power = max(group.rows.squares(theta), 1e-300) / group.rows.size
             sums[i], pairs[i] = float(u @ group.lagged @ u) / power, group.pairs
     pooled = sums.sum() / max(pairs.sum(), 1.0)
     rho = np.clip((sums + POOLED_PAIRS * pooled) / (pairs + POOLED_PAIRS), 0.0, 0.95)

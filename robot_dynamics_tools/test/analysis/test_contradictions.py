@@ -16,7 +16,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_for_arm
-from robot_dynamics_tools.analysis.contradictions import find_contradictions, without_delay
+from robot_dynamics_tools.analysis.contradictions import find_contradictions
 from robot_dynamics_tools.analysis.motion_filter import filter_motion
 from robot_dynamics_tools.identification.bag_identification import (
     IdentificationSettings,
@@ -138,7 +138,7 @@ def test_a_delay_is_found_and_removed():
     delay, causes = find_contradictions(ARM, motion)
     assert delay == pytest.approx(seconds, abs=2e-3)
     assert not causes
-    moved = without_delay(motion, delay)
+    moved = motion.without_delay(delay)
     assert find_contradictions(ARM, moved) == (0.0, ())
     assert moved.times[-1] == pytest.approx(motion.times[-1] - seconds, abs=0.011)
 
