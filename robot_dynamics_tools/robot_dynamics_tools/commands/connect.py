@@ -49,15 +49,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--gravity', **options.number(
         None, ('X', 'Y', 'Z'), 'Gravity in the base frame [m/s²], if the mount is known (default: '
         'from the efforts)', nargs=3))
+    parser.add_argument('--unit', choices=('rad', 'deg'), help=(
+        'Unit of the positions, if no motion shows it (default: by velocity and size)'))
     parser.add_argument('--poses', **options.number(
         6, 'N', 'Number of poses that the arm is moved to', options.number_in(1, 100, int)))
     parser.add_argument('--duration', **options.number(
-        120.0, 'S', 'Longest time for the poses [s]'))
+        120.0, 'S', 'Longest time for the poses [s]', options.number_in(1.0, 3600.0)))
     parser.add_argument('--passive', action='store_true', help='Send no command at all')
     parser.add_argument(
         '--yes', action='store_true', help='Ask nothing on the terminal, for scripts')
     parser.add_argument('--timeout', **options.number(
-        5.0, 'S', 'Time to search for the robot, and to wait for each answer [s]'))
+        5.0, 'S', 'Time to search for the robot, and to wait for each answer [s]',
+        options.number_in(0.1, 600.0)))
 
     def run(arguments: argparse.Namespace) -> int:
         require_ros('connect')

@@ -42,13 +42,15 @@ class Explanation(NamedTuple):
     A hypothesis with its best values.
 
     `gravity` (3,) [m/s²] is in the base frame; `ratio` (n,) is that of the report to g(q), and
-    `deviation` (n,) its standard deviation; `is_wrong` (n,) marks joints whose ratio is not 1;
+    `deviation` (n,) its standard deviation, due to `noise` (n,) of the efforts [N·m] or [N];
+    `is_wrong` (n,) marks joints whose ratio is not 1;
     `cost` is the negative log evidence, `angle` the tilt and its deviation [rad], 0 without one.
     """
 
     gravity: FloatArray
     ratio: FloatArray
     deviation: FloatArray
+    noise: FloatArray
     is_wrong: BoolArray
     cost: float
     angle: tuple[float, float] = (0.0, 0.0)
@@ -57,6 +59,11 @@ class Explanation(NamedTuple):
     def is_observable(self) -> BoolArray:
         """Marks the joints that bear enough gravity to show their ratio."""
         return np.asarray(self.deviation < OBSERVABLE * np.maximum(np.abs(self.ratio), ABSENT))
+
+    @property
+    def least(self) -> FloatArray:
+        """The gravity (n,) [N·m] or [N] at one hold that shows a ratio of 1."""
+        return np.asarray(self.noise / OBSERVABLE)
 
     def words(self, joint_names: Sequence[str]) -> str:
         """Return what the hypothesis says."""
@@ -131,8 +138,9 @@ class _Test:
         causes = 1 if is_common else len(wrong)
         error = ((self.effort - ratio * x)**2).sum(axis=0)
         evidence = 0.5 * (NOISE_WEIGHT + N) * np.log1p(error / (NOISE_WEIGHT * self.floor**2))
+        noise = self._noise(self.effort - own * x)
         return Explanation(
-            gravity, own, self._noise(self.effort - own * x) / np.sqrt(squares), is_wrong,
+            gravity, own, noise / np.sqrt(squares), noise, is_wrong,
             float(evidence.sum() + SURPRISE * (causes + is_tilted)
                   + 0.5 * (causes + 3 * is_tilted) * np.log(N)), angle)
 

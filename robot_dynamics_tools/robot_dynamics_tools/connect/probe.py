@@ -11,6 +11,7 @@ written, and not the parameters of a node that happens to run.
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+import json
 from pathlib import Path
 import re
 import sys
@@ -23,6 +24,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
+from robot_dynamics.monitoring.drive_tilt import TILTED
 from robot_dynamics.monitoring.drive_verdicts import AGREES
 from robot_dynamics.monitoring.drive_verdicts import UNKNOWN as UNSEEN
 from robot_dynamics.ros.middleware.diagnostics import STIFFNESS, values_per_joint
@@ -53,16 +55,19 @@ LEAST_SHARE, NEAR = 0.05, 0.15
 """Gravity by the effort limit from which a probe shows the command; and its largest error."""
 RATE_SHARE, LEAST_GAINS = 'share of the gains that the state rate allows', 0.5
 QUESTION = (
-    'A dynamics node now holds the arm with at most {share:.0%} of its effort limits, and moves '
-    'each joint by {step}.\nThen the command ends: brakes, or the controller of the robot, must '
-    'hold the arm. Keep the emergency stop\nat hand. Ctrl-C stops the arm. Type yes and press '
-    'Enter to begin: ')
+    'The arm stands at {pose}, by its joint states.\n'
+    'A dynamics node now holds it with at most {share:.0%} of its effort limits, and moves each '
+    'joint by {step}.\nThen the command ends: brakes, or the controller of the robot, must hold '
+    'the arm. Keep the emergency stop\nat hand. Ctrl-C stops the arm. Type yes and press Enter if '
+    'the pose is right: ')
 
 
-def confirm() -> None:
-    """Ask on the terminal; raise ToolError unless the user types yes."""
-    print(QUESTION.format(share=LIMIT_FRACTION, step=f'{STEP[0]:g} rad or {STEP[1]:g} m'), end='',
-          flush=True)
+def confirm(arm: ArmModel, q: FloatArray) -> None:
+    """Ask on the terminal with the positions (n,); raise ToolError unless the user types yes."""
+    pose = ', '.join(f'{name} {x:.3f} m' if kind == 'prismatic' else f'{name} {np.degrees(x):.0f}°'
+                     for name, kind, x in zip(arm.joint_names, arm.joint_kinds, q))
+    print(QUESTION.format(pose=pose, share=LIMIT_FRACTION,
+                          step=f'{STEP[0]:g} rad or {STEP[1]:g} m'), end='', flush=True)
     if sys.stdin.readline().strip().lower() != 'yes':
         raise ToolError('not confirmed; the arm has not moved')
 
@@ -98,7 +103,7 @@ class Probes:
     ) -> None:
         """`topic` is that of the joint states."""
         self._client, self._arm, self._topic, self._checks = client, arm, topic, checks
-        self._watch = MotionWatch(client, arm.joint_names, arm.is_continuous.tolist())
+        self._watch = MotionWatch(client, arm.joint_names, arm.joint_kinds)
         self._body, self._torque = RigidBody(arm), list[FloatArray]()
         self._share: FloatArray = np.full(arm.joint_count, np.nan)
         """Of g(q) that holds the joint (n,), NaN if it bears too little to tell."""
@@ -207,6 +212,10 @@ class Probes:
                 factors[direction][j] = float(scale)**(1 if direction == 'command' else -1)
             elif verdict == 'adds gravity':
                 settings['robot_compensates'] = ['gravity'], sentence
+            elif verdict.startswith(TILTED):
+                found = np.array(json.loads(re.findall(r'\[.*?\]', sentence)[0]))
+                found *= np.linalg.norm(self._arm.gravity) / np.linalg.norm(found)
+                settings['gravity'] = found.round(2).tolist(), sentence
         for direction, factor in factors.items():
             key = f'effort.{direction}_scale'
             if (factor != 1.0).any():

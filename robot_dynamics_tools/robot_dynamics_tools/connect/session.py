@@ -6,6 +6,7 @@
 from argparse import Namespace
 from datetime import datetime
 import sys
+from typing import Any
 
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
@@ -30,8 +31,6 @@ from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerEr
 
 LISTEN = 3.0
 """[s] in which rate, stamps and noise are measured."""
-LEAST = 10
-"""Messages in this time."""
 REST = 2.0
 """[s] of rest before the command."""
 
@@ -70,23 +69,34 @@ class Session:
         self._client, self._arguments, self._may_ask = client, arguments, may_ask
         if arguments.xacro and arguments.urdf is None:
             raise InvalidInputError('--xacro has no effect, expected --urdf with a .xacro file')
-        if arguments.gravity and np.linalg.norm(arguments.gravity) < 1.0:
+        if arguments.gravity and not np.linalg.norm(arguments.gravity) > 1.0:
             raise InvalidInputError(f'--gravity is {arguments.gravity}, expected 9.81 in length')
         self._description = None if arguments.urdf is None else (
             read_robot(arguments.urdf), arguments.urdf)
         self._receiver: robot.Receiver | None = None
         self.checks = Checklist()
-        given, known = read_parameters(arguments.parameters), {spec.name for spec in SPECS}
-        self._given = {name: value for name, value in given.items() if name in known}
-        other = ', '.join(sorted(given.keys() - known))
-        if given:
-            self.checks.add('parameters', not other, f'not used: {other}' if other else 'known',
-                            'parameters of dynamics_node', 'correct their names')
+        self._given = self._parameters()
         self.settings: Settings = {name: (value, f'given in {arguments.parameters}')
                                    for name, value in self._given.items()}
+        if arguments.gravity:
+            self._given['gravity'] = arguments.gravity
+            self.settings['gravity'] = arguments.gravity, 'given by --gravity'
         self.urdf = ''
         self.arm: ArmModel | None = None
         self.holds: list[Hold] = []
+
+    def _parameters(self) -> dict[str, Any]:
+        """Return the parameters of dynamics_node in the given file; check their names."""
+        values, joints = read_parameters(self._arguments.parameters), self._arguments.joints
+        other = ', '.join(sorted(values.keys() - {spec.name for spec in SPECS}))
+        if values:
+            self.checks.add('parameters', not other, f'not used: {other}' if other else 'known',
+                            'parameters of dynamics_node', 'correct their names')
+        given = {spec.name: values[spec.name] for spec in SPECS if spec.name in values}
+        if joints and list(given.get('joints') or joints) != joints:
+            raise InvalidInputError(f'--joints has {joints}, but --parameters has '
+                                    f'{given["joints"]}, expected the same joints')
+        return given
 
     def run(self) -> None:
         """Check the robot; end before the arm is moved if a check is bad."""
@@ -95,12 +105,10 @@ class Session:
         with log.receiving(client):
             if not client.wait(lambda: len(log)):
                 raise NoAnswerError(
-                    f'no message on {log.topic} of {robot.publishers(client, log.topic)} in '
-                    f'{client.timeout:g} s: start its driver, or activate its controller')
+                    f'no message on {log.topic} of '
+                    f'{", ".join(robot.publishers(client, log.topic))} in {client.timeout:g} s: '
+                    'start its driver, or activate its controller')
             client.wait(lambda: False, LISTEN)
-            if len(log) < LEAST:
-                raise NoAnswerError(f'{len(log)} messages on {log.topic} in {LISTEN:g} s, '
-                                    f'expected at least {LEAST}')
             self._find()
             if self.arm is not None and not self.checks.bad:
                 self._watch(self.arm)
@@ -120,35 +128,35 @@ class Session:
     def _find(self) -> None:
         """Check what is found before the arm moves."""
         client, log, arguments, checks = self._client, self._log, self._arguments, self.checks
-        namespace, layouts = log.topic.rpartition('/')[0], log.states.layouts
-        robot.check_publishers(client, log.topic, layouts, checks)
-        urdf, source = self._description or description.published_description(client, namespace)
+        layouts, names = log.states.layouts, robot.publishers(client, log.topic)
+        checks.add('joint states', BAD if 1 < len(names) > len(layouts) else True,
+                   f'{log.topic} of {", ".join(names)}', 'one publisher per joint',
+                   'end all but one of them')
+        urdf, source = self._description or description.published_description(
+            client, log.topic.rpartition('/')[0])
         self._receiver = robot.find_receiver(
-            client, arguments.receiver, namespace, not arguments.passive, checks)
+            client, arguments.receiver, log.topic, not arguments.passive, checks)
         commands = robot.commanding(client, self._receiver)
         checks.add('other commands', not commands, ', '.join(commands) or 'none',
                    'no other node commands efforts', 'end it before this package commands the arm')
         joints = arguments.joints or self._given.get('joints') or (
             self._receiver.joints if self._receiver is not None else ())
         self.urdf, arm = description.checked_arm(
-            urdf, source, joints, max(layouts, key=len),
+            urdf, source, joints, max(layouts, key=len), self._given,
             {name: limits for name, *limits in arguments.limit}, self._may_ask, checks)
-        if arm is None:
-            return
-        self._set_up(arm, source)
-        states.check_units(log.series(arm), arm, checks)
-        states.check_noise(log.series(arm), arm, checks)
+        if arm is not None:
+            self.arm = self._set_up(arm, source)
+            states.check_units(log.series(arm), arm, arguments.unit, checks)
+            states.check_noise(log.series(arm), arm, checks)
 
-    def _set_up(self, arm: ArmModel, source: str) -> None:
-        """Check the joint states and the mount of an arm; begin its settings."""
+    def _set_up(self, arm: ArmModel, source: str) -> ArmModel:
+        """Check the joint states and the mount of an arm; begin its settings; return the arm."""
         log, today, file = self._log, f'{datetime.now():%Y-%m-%d}', self._arguments.output
-        gravity, of = self._arguments.gravity or self._given.get('gravity'), 'given'
-        if gravity is None and (found := robot.gravity_of_imu(self._client, arm, self.checks)):
-            gravity, of = found[0], f'measured by {found[1]}, {today}'
-        if gravity is not None:  # else upright is only assumed, and efforts may show the mount
-            arm = arm.with_gravity(gravity)
-            self.settings['gravity'] = arm.gravity.round(4).tolist(), of
-        self.arm = arm
+        if 'gravity' not in self.settings and (
+                found := robot.gravity_of_imu(self._client, arm, self.checks)):
+            arm = arm.with_gravity(found[0])
+            self.settings['gravity'] = (
+                arm.gravity.round(4).tolist(), f'measured by {found[1]}, {today}')
         timeout, measured = states.check_states(log, arm, self.checks)
         self.settings |= {
             'joints': (list(arm.joint_names), f'{log.topic}, {measured}, {source}, {today}'),
@@ -161,6 +169,7 @@ class Session:
                 'ramp_to_zero', f'{self._receiver.node} keeps the last command'))
         if timeout > states.STATE_TIMEOUT:
             self.settings.setdefault('state_timeout', (timeout, f'{measured}, {today}'))
+        return arm
 
     def _watch(self, arm: ArmModel) -> None:
         """Watch the arm in a few poses, and add what they show to the settings."""
@@ -168,22 +177,20 @@ class Session:
         kind = self._given.get('measured_effort', 'joint_torque')
         if log.series(arm).effort is None:
             settings['measured_effort'] = 'none', 'no effort in the joint states'
-            self.checks.add('report', False, 'none', 'an effort per joint', 'nothing')
+            self.checks.add('report', False, 'none', 'a finite effort per joint', 'nothing')
         elif kind != 'joint_torque':
             self.checks.add('report', UNKNOWN, f'{kind}, given', 'joint_torque', (
                 'compare it with `calibrate_gravity`'))
         else:
             self.holds = passive.watch_poses(
                 self._client, log, arm, arguments.poses, arguments.duration)
-        if self.holds:
-            if len(self.holds) > 1:
-                states.check_units(log.series(arm), arm, self.checks)
             shown = passive.check_report(arm, self.holds, 'gravity' not in settings, self.checks)
-            if shown:
-                settings.pop('effort.report_scale', None)  # the given one
+            if 'effort.report_scale' in shown:
+                settings.pop('effort.report_covariance', None)  # of another scale
             settings |= shown
             if 'gravity' in shown:
                 self.arm = arm.with_gravity(np.array(shown['gravity'][0]))
+        states.check_units(log.series(arm), arm, arguments.unit, self.checks)
 
     def _move(self, arm: ArmModel) -> None:
         """Hold the arm, and move each joint; add what it shows to the settings."""
@@ -194,9 +201,11 @@ class Session:
         share = float((np.abs(g) / arm.limits.effort).max())
         others = robot.commanding(self._client, self._receiver)
         motion = states.moving(series, arm)
+        is_doubtful = any(one.name == 'units' and one.grade is UNKNOWN for one in checks)
         for name, is_bad, value, expected in (
                 ('other commands', others, f'of {", ".join(others)}', 'no other node commands'),
                 ('rest', motion, motion, 'an arm at rest'),
+                ('units', is_doubtful and self._arguments.yes, 'not known', '--unit rad'),
                 ('pose', share > probe.LARGEST_SHARE,
                  f'gravity takes {share:.0%} of an effort limit',
                  f'less than {probe.LARGEST_SHARE:.0%}')):
@@ -205,7 +214,7 @@ class Session:
                            'change this, then run connect again')
         if not checks.bad:
             if not self._arguments.yes:
-                probe.confirm()
+                probe.confirm(arm, series.position[-1])
             with probe.holding_node(self.file(), self.urdf, self._remaps) as node:
                 probes = probe.Probes(self._client, arm, self._log.topic, checks)
                 self.settings |= probes.run(self.settings, node)

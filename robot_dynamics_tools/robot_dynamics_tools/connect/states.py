@@ -5,6 +5,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+import math
 import time
 
 import numpy as np
@@ -21,15 +22,17 @@ from robot_dynamics_tools.connect.checks import BAD, Checklist, GOOD, UNKNOWN
 from robot_dynamics_tools.gravity_calibration.holds import BLOCK, per_joint, REST_SPEED
 from robot_dynamics_tools.recordings.joint_series import JointSeries, RecordedJointStates
 from robot_dynamics_tools.recordings.messages import FIELDS, RecordedState
-from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
+from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from sensor_msgs.msg import JointState
 
 STATE_TIMEOUT = 0.05
 """[s], the default of the parameter `state_timeout`."""
+LEAST = 10
+"""Joint states from which rate and noise are measured."""
 MOVED = 0.01
 """[rad] or [m] of motion from which velocities are compared with positions."""
-GAPS = 3.0
-"""The timeout by the longest gap between two joint states."""
+USUAL, GAPS = 0.99, 3.0
+"""The timeout by the gap between two joint states that this share of all does not exceed."""
 
 
 class StateLog:
@@ -63,19 +66,28 @@ class StateLog:
 
     def series(self, arm: ArmModel) -> JointSeries:
         """Return the samples of an arm; raise RecordingError."""
-        return self.states.series(arm.joint_names).unwrapped(arm.is_continuous)
+        series = self.states.series(arm.joint_names).unwrapped(arm.is_continuous)
+        if series.position is None:
+            raise RecordingError(f'{self.topic} has no positions, one per name and finite')
+        return series
 
 
 def check_states(log: StateLog, arm: ArmModel, checks: Checklist) -> tuple[float, str]:
     """Check the joint states; return the `state_timeout` [s] that they need, and their rate."""
     series, states = log.series(arm), log.states
+    if len(series.times) < LEAST:
+        raise NoAnswerError(f'{len(series.times)} messages with {", ".join(arm.joint_names)} on '
+                            f'{log.topic} in {np.ptp(states.times_ns) * 1e-9:.1f} s, expected at '
+                            f'least {LEAST}')
     periods = np.diff(series.times)
-    longest = float(periods.max(initial=0.0))
-    timeout = max(STATE_TIMEOUT, float(np.ceil(100.0 * GAPS * longest) / 100.0))
+    longest, usual = float(periods.max()), float(np.quantile(periods, USUAL))
+    timeout = max(STATE_TIMEOUT, float(np.ceil(100.0 * GAPS * usual) / 100.0))
     measured = (f'{1.0 / np.median(periods):.0f} Hz, longest gap {1e3 * longest:.1f} ms, jitter '
                 f'{1e3 * periods.std():.2f} ms')
-    checks.add('rate', timeout == STATE_TIMEOUT, measured, 'gaps below 17 ms',
-               f'state_timeout is {timeout:g} s; feedback at this rate is soft')
+    checks.add('rate', timeout == STATE_TIMEOUT and longest < 0.5 * timeout, measured,
+               'gaps below 17 ms, none above half of state_timeout', (
+                   f'state_timeout is {timeout:g} s; a low rate makes the feedback soft, a rare '
+                   'gap is due to load of driver, network or this computer'))
     ages = 1e-9 * (states.times_ns - np.array([one.stamp_ns for one in states.states]))
     is_missing = series.faults.arrival_times
     is_simulated = bool(np.median(np.abs(ages)) > SAME_CLOCK)
@@ -92,27 +104,38 @@ def check_states(log: StateLog, arm: ArmModel, checks: Checklist) -> tuple[float
     return timeout, measured
 
 
-def check_units(series: JointSeries, arm: ArmModel, checks: Checklist) -> None:
-    """Check positions and velocities by their size, and against each other."""
-    assert series.position is not None
-    expected = 'the derivative of the position'
-    has_moved = np.ptp(series.position, axis=0).max() > MOVED
+def check_units(series: JointSeries, arm: ArmModel, unit: str | None, checks: Checklist) -> None:
+    """Check positions and velocities by size and against each other; `unit` may be stated."""
+    q, v, expected = series.position, series.velocity, 'the derivative of the position'
+    assert q is not None
+    checks[:] = [one for one in checks if one.name not in ('units', 'velocity')]  # of less motion
+    has_moved = np.ptp(q, axis=0).max() > MOVED
     try:
+        if unit == 'deg':
+            raise RecordingError('degrees, by --unit')
         if has_moved:
             check_degrees(series)
         plausible(series, arm, True)
     except RecordingError as error:
         checks.add('units', BAD, str(error), 'rad, m', 'convert them in the driver')
         return
-    checks.add('units', GOOD, 'within the limits of the joints', 'rad, m')
-    if series.velocity is None:
+    is_wrong = np.zeros(arm.joint_count, dtype=bool) if v is None or not has_moved else (
+        contradicts_position(series.times, q, v, series.stretches()))
+    beyond = ', '.join(f'{name} {x:.4g}' for name, x, kind in zip(
+        arm.joint_names, np.abs(q).max(axis=0), arm.joint_kinds) if (
+            kind != 'prismatic' and x > math.tau))
+    doubt = '' if unit else f'more than a turn, as in degrees: {beyond}' if beyond else (
+        'no motion yet') if not has_moved else 'no velocity to compare with' if v is None else (
+        'the velocity contradicts them' if is_wrong.any() else '')
+    checks.add('units', UNKNOWN if doubt else GOOD, f'not known: {doubt}' if doubt else (
+        'stated by --unit' if unit else 'within the limits, and the velocity is the derivative'),
+        'rad, m', 'move the arm by hand, or state --unit rad')
+    if v is None:
         checks.add('velocity', False, 'missing, or not one per name', expected,
                    'dynamics differentiates the positions, which is late and noisy')
     elif not has_moved:
         checks.add('velocity', UNKNOWN, 'published, not compared: no motion', expected)
     else:
-        is_wrong = contradicts_position(
-            series.times, series.position, series.velocity, series.stretches())
         names = ', '.join(np.array(arm.joint_names)[is_wrong])
         checks.add('velocity', not names, f'not {expected} at {names}' if names else expected,
                    expected, 'correct the driver, or publish no velocities')

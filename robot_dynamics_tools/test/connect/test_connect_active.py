@@ -47,8 +47,8 @@ def options(tmp_path: Path) -> list[str]:
     urdf = tmp_path / 'default.urdf'
     urdf.write_text(default_arm_urdf(), encoding='utf-8')
     given = write_parameters(tmp_path / 'given.yaml', UNHURRIED)
-    return ['--yes', '--urdf', str(urdf), '--parameters', str(given), '--poses', '1',
-            '--output', str(tmp_path / 'my.yaml'), '--timeout', str(TIMEOUT)]
+    return ['--yes', '--unit', 'rad', '--urdf', str(urdf), '--parameters', str(given),
+            '--poses', '1', '--output', str(tmp_path / 'my.yaml'), '--timeout', str(TIMEOUT)]
 
 
 def test_a_right_arm_moves_no_more_than_the_probes(options, capsys, tmp_path):

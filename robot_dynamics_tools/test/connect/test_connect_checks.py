@@ -5,6 +5,7 @@
 
 import io
 import sys
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -25,10 +26,11 @@ UNLIMITED = default_arm_urdf().replace('effort="60"', 'effort="0"').replace(
 
 
 def checked(
-    urdf: str, joints: Any, published: Any, may_ask: bool = False, **limits: Any,
+    urdf: str, joints: Any, published: Any, may_ask: bool = False,
+    given: Any = MappingProxyType({}), **limits: Any,
 ) -> tuple[Any, Checklist]:
     checks = Checklist()
-    found = checked_arm(urdf, 'a file', joints, published, limits, may_ask, checks)
+    found = checked_arm(urdf, 'a file', joints, published, given, limits, may_ask, checks)
     return found, checks
 
 
@@ -44,6 +46,16 @@ def test_a_missing_effort_limit_is_never_no_bound():
     (urdf, _), checks = checked(UNLIMITED, [], ['joint1', 'joint2'], joint2=['3.0', '40.0'])
     assert not checks.bad
     assert arm_from_urdf(urdf).limits.effort.tolist() == [150.0, 40.0]
+
+
+def test_the_model_has_the_parameters_of_the_file():
+    (_, arm), checks = checked(UNLIMITED, [], ['joint1', 'joint2'], given={
+        'joints': ['joint1', 'joint2'], 'effort.limit': [100.0, 30.0],
+        'friction.coulomb': [4.0, 1.5], 'payload.links': ['tool0'], 'payload.mass': [2.0]})
+    assert not checks.bad
+    assert arm.limits.effort.tolist() == [100.0, 30.0]
+    assert arm.friction.coulomb.tolist() == [4.0, 1.5]
+    assert arm.payloads[0].mass == 2.0
 
 
 @pytest.mark.parametrize(('typed', 'bad'), [('40\n', []), ('\n', ['limits']), ('', ['limits'])])
@@ -71,23 +83,30 @@ def test_joints_of_another_robot_are_named_with_those_expected():
     assert checks.bad[0].text.startswith('none; not published: joint1, joint2; ignored: a, b')
 
 
-def series(factor: float, velocity_factor: float = 1.0) -> JointSeries:
-    """Return a motion whose positions and velocities are multiplied."""
-    times = np.arange(0.0, 8.0, 0.01)
+def series(
+    factor: float, velocity_factor: float = 1.0, seconds: float = 8.0, start: float = 0.0,
+) -> JointSeries:
+    """Return a motion from `start`, whose positions and velocities are multiplied."""
+    times = np.arange(0.0, seconds, 0.01)
     q, v = np.sin(times), np.cos(times)
     return JointSeries(
         ('joint1', 'joint2'), np.array(1e9 * times, dtype=np.int64),
-        factor * np.stack([q, 0.5 * q], axis=1), velocity_factor * np.stack([v, 0.5 * v], axis=1),
-        None, 0)
+        start + factor * np.stack([q, 0.5 * q], axis=1),
+        velocity_factor * np.stack([v, 0.5 * v], axis=1), None, 0)
 
 
-@pytest.mark.parametrize(('factor', 'velocity_factor', 'name', 'grade', 'said'), [
-    (1.0, 1.0, 'velocity', Grade.GOOD, 'the derivative of the position'),
-    (57.2958, 1.0, 'units', Grade.BAD, 'position in degrees'),
-    (1.0, -1.0, 'velocity', Grade.CHECK, 'not the derivative of the position at joint1, joint2'),
+@pytest.mark.parametrize(('motion', 'unit', 'name', 'grade', 'said'), [
+    ((1.0, 1.0), None, 'velocity', Grade.GOOD, 'the derivative of the position'),
+    ((57.2958, 1.0), None, 'units', Grade.BAD, 'position in degrees'),
+    ((57.2958, 57.2958), None, 'units', Grade.UNKNOWN, 'more than a turn, as in degrees: joint1'),
+    ((1.0, 1.0, 0.005, 45.0), None, 'units', Grade.UNKNOWN, 'as in degrees: joint1 45, joint2'),
+    ((1.0, 1.0, 0.005), None, 'units', Grade.UNKNOWN, 'not known: no motion yet'),
+    ((1.0, 1.0, 0.005, 45.0), 'rad', 'units', Grade.GOOD, 'stated by --unit'),
+    ((1.0, -1.0), None, 'velocity', Grade.CHECK, 'not the derivative of the position at joint1'),
 ])
-def test_units_are_named(factor, velocity_factor, name, grade, said):
-    checks = Checklist()
-    check_units(series(factor, velocity_factor), load_arm(default_arm_urdf()), checks)
+def test_units_are_named(motion, unit, name, grade, said):
+    checks, urdf = Checklist(), default_arm_urdf()
+    turning = load_arm(urdf.replace('"revolute"', '"continuous"'))
+    check_units(series(*motion), turning, unit, checks)
     assert grade_of(checks, name) is grade
-    assert said in checks[-1].text
+    assert said in next(check.text for check in checks if check.name == name)
