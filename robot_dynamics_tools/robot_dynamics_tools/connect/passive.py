@@ -10,9 +10,13 @@ import numpy as np
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.worst_gravity import QUICK, worst_gravity
 from robot_dynamics_tools.connect.checks import BAD, Checklist, Settings, UNKNOWN
-from robot_dynamics_tools.connect.gravity import ABSENT, explanations, is_scale
 from robot_dynamics_tools.connect.states import StateLog
 from robot_dynamics_tools.gravity_calibration.holds import find_holds, Hold, per_joint
+from robot_dynamics_tools.gravity_calibration.reported_gravity import (
+    ABSENT,
+    explanations,
+    is_scale,
+)
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 

@@ -30,8 +30,8 @@ from robot_dynamics.monitoring.drive_verdicts import UNKNOWN as UNSEEN
 from robot_dynamics.ros.middleware.diagnostics import STIFFNESS, values_per_joint
 from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics_tools.connect.checks import BAD, Checklist, Settings, UNKNOWN
-from robot_dynamics_tools.connect.gravity import is_scale
 from robot_dynamics_tools.gravity_calibration.holds import per_joint
+from robot_dynamics_tools.gravity_calibration.reported_gravity import is_scale
 from robot_dynamics_tools.processes import DYNAMICS, NodeProcess, STOP_TIMEOUT
 from robot_dynamics_tools.recordings.interrupts import uninterrupted
 from robot_dynamics_tools.reporting.progress import Progress
