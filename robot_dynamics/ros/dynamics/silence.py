@@ -11,7 +11,7 @@ import time
 from rclpy.node import Node
 from robot_dynamics.ros.middleware.graph_watch import full_name, OBSERVER, subscribers
 
-PATIENCE = 2.0
+PATIENCE = 1.5
 """[s] in which publishers and subscribers may still be discovered."""
 JOINT_STATE, NUMBERS = 'sensor_msgs/msg/JointState', 'std_msgs/msg/Float64MultiArray'
 
