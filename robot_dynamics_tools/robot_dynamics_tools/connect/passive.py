@@ -16,7 +16,9 @@ from robot_dynamics_tools.gravity_calibration.reported_gravity import (
     ABSENT,
     explanations,
     is_scale,
+    NOISE,
 )
+from robot_dynamics_tools.recordings.sample_faults import counted
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 
@@ -25,15 +27,15 @@ DISTINCT = 0.2, 0.05
 LOOK_PERIOD = 1.0
 """[s] between two searches for poses."""
 INSTRUCTION = (
-    'Move the arm by hand or with its own controller through {count} poses that differ, and hold '
-    'each for 2 s\nwithout touching it. Ends after {count} poses, or after {seconds:g} s.')
+    'Move the arm by hand or with its own controller through {poses} that differ, and hold '
+    'each for 2 s\nwithout touching it. Ends after {poses}, or after {seconds:g} s.')
 
 
 def watch_poses(
     client: DynamicsClient, log: StateLog, arm: ArmModel, count: int, seconds: float,
 ) -> list[Hold]:
     """Return the holds while the operator moves the arm, until it has held `count` poses."""
-    print(INSTRUCTION.format(count=count, seconds=seconds), flush=True)
+    print(INSTRUCTION.format(poses=counted(count, 'pose'), seconds=seconds), flush=True)
     least, end = per_joint(DISTINCT, arm.joint_kinds), time.monotonic() + seconds
     holds, poses = list[Hold](), list[Hold]()
     with Progress(count, 'poses') as progress:
@@ -58,10 +60,13 @@ def check_report(
     names, where = arm.joint_names, f'{len(holds)} holds'
     q, effort = (np.array([getattr(hold, name) for hold in holds])
                  for name in ('position', 'effort'))
-    if not effort.any():
-        checks.add('report', UNKNOWN, '0 at all joints' if holds else 'no pose was held',
-                   'effort is g(q)', 'brakes carry the arm: release them while its own controller '
-                   'holds it; or it is not measured' if holds else 'hold each pose for 2 s')
+    if not holds:
+        checks.add('report', UNKNOWN, 'no pose was held', 'effort is g(q)', 'hold each for 2 s')
+        return {}
+    if (np.abs(effort) < NOISE * arm.limits.effort).all():
+        checks.add('report', UNKNOWN, 'nothing at all joints', 'effort is g(q)', (
+            'brakes carry the arm: release them while its own controller holds it; or the report '
+            'excludes gravity: measured_effort is joint_torque_without_gravity, or none'))
         return {}
     found = explanations(arm, q, arm.given_report.torque(effort), may_tilt)
     best = found[0]

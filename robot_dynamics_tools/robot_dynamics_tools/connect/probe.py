@@ -8,7 +8,7 @@ The node is started for this, in the namespace /connect: what is tried is then t
 written, and not the parameters of a node that happens to run.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 import json
@@ -17,6 +17,7 @@ import re
 import sys
 from tempfile import TemporaryDirectory
 import time
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
@@ -26,10 +27,11 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.monitoring.drive_tilt import TILTED
 from robot_dynamics.monitoring.drive_verdicts import AGREES
+from robot_dynamics.monitoring.drive_verdicts import NEAR as RESOLUTION
 from robot_dynamics.monitoring.drive_verdicts import UNKNOWN as UNSEEN
 from robot_dynamics.ros.middleware.diagnostics import STIFFNESS, values_per_joint
 from robot_dynamics.tools.command_line import ToolError
-from robot_dynamics_tools.connect.checks import BAD, Checklist, Settings, UNKNOWN
+from robot_dynamics_tools.connect.checks import BAD, CHECK, Checklist, Settings, UNKNOWN
 from robot_dynamics_tools.gravity_calibration.holds import per_joint
 from robot_dynamics_tools.gravity_calibration.reported_gravity import is_scale
 from robot_dynamics_tools.processes import DYNAMICS, NodeProcess, STOP_TIMEOUT
@@ -73,15 +75,13 @@ def confirm(arm: ArmModel, q: FloatArray) -> None:
 
 
 @contextmanager
-def holding_node(parameters: str, urdf: str, remaps: Sequence[str]) -> Iterator[NodeProcess]:
-    """Run `dynamics_node` with a parameter file and a URDF; at the end the arm stops first."""
+def holding_node(parameters: str, remaps: Sequence[str]) -> Iterator[NodeProcess]:
+    """Run `dynamics_node` with the text of a parameter file; at the end the arm stops first."""
     with TemporaryDirectory() as name:
-        folder = Path(name)
-        for file, text in (('arm.yaml', parameters), ('arm.urdf', urdf)):
-            (folder / file).write_text(text, encoding='utf-8')
+        folder, file = Path(name), Path(name, 'arm.yaml')
+        file.write_text(parameters, encoding='utf-8')
         node = NodeProcess('dynamics', DYNAMICS, {
-            'robot_description_file': str(folder / 'arm.urdf'), 'command': 'computed_torque',
-            'effort_limit_fraction': LIMIT_FRACTION}, folder, folder / 'arm.yaml', [
+            'command': 'computed_torque', 'effort_limit_fraction': LIMIT_FRACTION}, folder, file, [
                 '--ros-args', *(word for remap in [f'__ns:={NAMESPACE}', *remaps]
                                 for word in ('-r', remap)), '--'])
         try:
@@ -145,7 +145,8 @@ class Probes:
             f'{self._values.get(RATE_SHARE, "?")} of the gains, stiffness ' + ', '.join(
                 f'{name} {value:g}' for name, value in self._stiffness.items()),
             '1.0, N·m/rad or N/m', 'a faster driver, or lower gains.natural_frequency')
-        return self._settings(used, failure)
+        return drive_settings(
+            arm, self._values, self._share, used, failure, self._checks)
 
     def _probe(
         self, j: int, start: FloatArray, publish: Callable[[Sequence[float], float], None],
@@ -174,10 +175,13 @@ class Probes:
             self._share[j] = 0.5 * (there + back) / g
             held = f', held by {self._share[j]:.2f} g(q)'
         friction = max(0.5 * sign * (there - g_there - back + g_back), 0.0)
+        is_moved = far > 0.5 * step[j]
         self._checks.add(
-            f'probe of {arm.joint_names[j]}', not abs(self._share[j] - 1.0) >= NEAR,
-            f'moved by {far:.4f}, friction {friction:.2g}{held}', 'held by 1.00 g(q)',
-            'see the drive, and the masses of the model')
+            f'probe of {arm.joint_names[j]}', is_moved and not abs(self._share[j] - 1.0) >= NEAR,
+            f'moved by {far:.4f}, friction {"" if is_moved else "above "}{friction:.2g}{held}',
+            f'moved by {step[j]:g}, held by 1.00 g(q)',
+            'see drive, mount, and masses of the model' if is_moved else
+            'friction or a brake holds it: set actuator.reflected_inertia and friction')
 
     def _on_torque(self, message: JointState) -> None:
         """Take the torque and g(q) while the reference moves."""
@@ -193,39 +197,51 @@ class Probes:
                 self._values |= {pair.key: pair.value for pair in status.values}
                 self._stiffness |= values_per_joint(status.values, STIFFNESS)
 
-    def _settings(self, used: Settings, failure: str) -> Settings:
-        """Check the verdicts on the drives; return the settings that they need."""
-        names, settings = self._arm.joint_names, Settings()
-        factors = {'command': np.ones(len(names)), 'report': np.ones(len(names))}
-        said = {name: self._values.get(name, UNSEEN) for name in names}
-        is_right = all(text.startswith((AGREES, UNSEEN)) for text in said.values())
-        for j, (name, text) in enumerate(said.items()):
-            verdict, _, sentence = text.partition('; ')
-            if abs(self._share[j] - 1.0) < NEAR:  # the command is right
-                verdict = re.sub(r'^unclear: (report scale \S+) or .*', r'\1', verdict)
-            self._checks.add(f'drive of {name}', UNKNOWN if verdict == UNSEEN else (
-                verdict == AGREES), verdict, AGREES, sentence)
-            direction, is_scaled, scale = verdict.partition(' scale ')
-            if verdict == 'reversed':
-                factors['command'][j] = -1.0
-            elif is_scaled and direction in factors and is_scale(float(scale)):
-                factors[direction][j] = float(scale)**(1 if direction == 'command' else -1)
-            elif verdict == 'adds gravity':
-                settings['robot_compensates'] = ['gravity'], sentence
-            elif verdict.startswith(TILTED):
-                found = np.array(json.loads(re.findall(r'\[.*?\]', sentence)[0]))
-                found *= np.linalg.norm(self._arm.gravity) / np.linalg.norm(found)
-                settings['gravity'] = found.round(2).tolist(), sentence
-        for direction, factor in factors.items():
-            key = f'effort.{direction}_scale'
-            if (factor != 1.0).any():
-                settings[key] = (factor * np.array(used.get(key, (1.0,))[0])).round(3).tolist(), (
-                    '; '.join(f'{name}: {text}' for name, text in said.items()))
-        if failure:
-            self._checks.add('motion', BAD if is_right else False, failure,
-                             'a motion as commanded', 'see the drives')
-        settings['command'] = ('computed_torque', (
-            f'held the arm, and moved each joint by {STEP[0]:g} rad or {STEP[1]:g} m')) if (
-            is_right and not failure) else (
-            'none', 'run connect with the new values before the first command')
-        return settings
+
+def drive_settings(
+    arm: ArmModel, verdicts: Mapping[str, str], share: FloatArray, used: Settings, failure: str,
+    checks: Checklist,
+) -> Settings:
+    """
+    Check the `verdicts` on the drives by joint; return the settings that they need.
+
+    `share` (n,) of g(q) has held the joints, NaN if unknown; `used` are the settings of the node,
+    and `failure` is why the motion has ended. After a wrong drive, the command of the other joints
+    was only a stop: it shows no scale.
+    """
+    names, settings = arm.joint_names, Settings()
+    stopped = re.findall(r"wrong_drive: '([^']*)'", failure)
+    said = {name: verdicts.get(name, UNSEEN) if name in (stopped or names) else UNSEEN
+            for name in names}
+    for j, (name, text) in enumerate(said.items()):
+        verdict, _, sentence = text.partition('; ')
+        if abs(share[j] - 1.0) < NEAR:  # the command is right
+            verdict = re.sub(r'^unclear: (report scale \S+) or .*', r'\1', verdict)
+        checks.add(f'drive of {name}', UNKNOWN if verdict == UNSEEN else verdict == AGREES,
+                   verdict, AGREES, sentence)
+        scaled = re.fullmatch(
+            r'(command|report) scale (\S+)', verdict.replace('reversed', 'command scale -1'))
+        if scaled and is_scale(float(scaled[2])):
+            key, factor = f'effort.{scaled[1]}_scale', float(scaled[2])
+            if abs(factor + 1.0) < RESOLUTION:
+                factor = -1.0
+            before: Any = settings.get(key, used.get(key, (1.0, '')))[0]
+            scales = np.ones(len(names)) * before
+            scales[j] *= factor if scaled[1] == 'command' else 1.0 / factor
+            settings[key] = scales.round(3).tolist(), f'{name}: {text}'
+        elif verdict == 'adds gravity':
+            settings['robot_compensates'] = ['gravity'], sentence
+        elif verdict.startswith(TILTED):
+            found = np.array(json.loads(re.findall(r'\[.*?\]', sentence)[0]))
+            found *= np.linalg.norm(arm.gravity) / np.linalg.norm(found)
+            settings['gravity'] = found.round(2).tolist(), sentence
+    is_right = all(text.startswith((AGREES, UNSEEN)) for text in said.values()) and not stopped
+    if failure:
+        checks.add('motion', BAD if is_right else False, failure, 'a motion as commanded',
+                   'see the drives')
+    is_shown = is_right and not failure and not any(
+        one.grade is CHECK for one in checks if one.name.startswith('probe of'))
+    settings['command'] = ('computed_torque', (
+        f'held the arm, and moved each joint by {STEP[0]:g} rad or {STEP[1]:g} m')) if (
+        is_shown) else ('none', 'before the first command, run connect until all joints pass')
+    return settings

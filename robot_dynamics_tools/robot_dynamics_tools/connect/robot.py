@@ -21,7 +21,7 @@ from sensor_msgs.msg import Imu
 
 COMMANDS = '/commands'
 """End of the topics of ros2_control controllers."""
-ASKED = 'joints', 'interface_name', 'command_timeout'
+ASKED = {'joints': list, 'interface_name': str, 'command_timeout': float}
 """Parameters of a receiver: of controllers of ros2_control, and of `simulated_arm`."""
 
 
@@ -69,8 +69,8 @@ def topic_of_states(client: DynamicsClient, given: str | None) -> str:
         return [name for name in found()
                 if (name == given if given else name.endswith('joint_states'))]
 
-    if client.wait(fit):
-        client.wait(lambda: False, 0.5)  # others may be discovered later
+    if client.wait(fit):  # others may be discovered later
+        client.wait(lambda: given or '/joint_states' in fit(), 1.0)
     topics = fit()
     if not topics:
         raise NoAnswerError(
@@ -105,6 +105,7 @@ def find_receiver(
                 with suppress(NoAnswerError):  # it may have no parameter service
                     for name in ASKED:  # one by one: an undeclared one prevents other answers
                         stated |= client.parameters([name], node)
+                stated = {name: x for name, x in stated.items() if isinstance(x, ASKED[name])}
                 found.append(Receiver(
                     topic, node, stated.get('joints') or (),
                     stated.get('interface_name') or 'effort', stated.get('command_timeout')))
@@ -115,15 +116,16 @@ def find_receiver(
     is_known = given or chosen and (chosen[0].is_controller or chosen[0].node in drivers)
     checks.add(
         'receiver', bool(is_known) if len(chosen) == 1 else BAD if is_needed else False,
-        '; '.join(map(str, found)) + ('' if is_known or not chosen else (
+        ('; '.join(map(str, found)) or 'none') + ('' if is_known or not chosen else (
             ', which publishes no joint states')) + (
-                f'; only observe: {", ".join(watching)}' if watching else '') or 'none',
+                f'; only observe: {", ".join(watching)}' if watching else ''),
         f'one receiver of efforts, {usual}' + ('' if given else ' or an effort controller'),
         'name the topic of the arm with --receiver; start the driver or its effort controller')
     if len(chosen) != 1:
         return None
-    timeout, keeps_last = chosen[0].timeout, chosen[0].is_controller
-    if keeps_last:
+    timeout = chosen[0].timeout
+    keeps_last = chosen[0].is_controller or timeout == 0.0
+    if chosen[0].is_controller:
         _check_controllers(client, chosen[0], is_needed, checks)
     checks.add(
         'watchdog', False if keeps_last else UNKNOWN if timeout is None else GOOD,
@@ -156,11 +158,6 @@ def _check_controllers(
     checks.add('controller', is_ready or (BAD if is_needed else False),
                '; '.join(listed) or f'{name} is not loaded', expected,
                f'ros2 control switch_controllers --activate {name}')
-
-
-def commanding(client: DynamicsClient, receiver: Receiver | None) -> list[str]:
-    """Return the nodes that publish to a receiver of efforts."""
-    return [] if receiver is None else publishers(client, receiver.topic)
 
 
 def gravity_of_imu(

@@ -9,16 +9,21 @@ import sys
 from typing import Any
 
 import numpy as np
+from rclpy.qos import qos_profile_sensor_data
+from robot_dynamics.control.safety.faults import STATE_TIMEOUT
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics.ros.dynamics.parameters import SPECS
+from robot_dynamics.ros.parameters.robot_description import description_from_parameters
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools.connect import description, passive, probe, robot, states
 from robot_dynamics_tools.connect.checks import (
     BAD,
     Checklist,
+    DESCRIPTION,
+    GOOD,
     parameter_file,
     report_page,
     Settings,
@@ -28,9 +33,9 @@ from robot_dynamics_tools.gravity_calibration.holds import Hold
 from robot_dynamics_tools.options import read_parameters, read_robot
 from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
+from sensor_msgs.msg import JointState
 
-LISTEN = 3.0
-"""[s] in which rate, stamps and noise are measured."""
+FILE = 'robot_description_file'
 REST = 2.0
 """[s] of rest before the command."""
 
@@ -42,22 +47,23 @@ def connect(arguments: Namespace, origin: Origin) -> int:
         raise InvalidInputError(
             'standard input is no terminal, expected one for the confirmation, --yes, or '
             '--passive')
-    output, urdf_file = arguments.output, arguments.output.with_suffix('.urdf')
-    files = [output, urdf_file, *filter(None, [arguments.report])]
-    for path in files:
+    output, report = arguments.output, arguments.report
+    if report == output:
+        raise InvalidInputError(f'--report and --output are both {output}, expected two files')
+    for path in filter(None, [output, report]):
         command_line.prepare_file(path, arguments.force)
     with interrupted_by_sigterm(), DynamicsClient(probe.NODE, arguments.timeout) as client:
         session = Session(client, arguments, may_ask)
         session.run()
-    if arguments.report is not None and session.arm is not None:
-        command_line.write_file(arguments.report, report_page(
+    if report is not None and session.arm is not None:
+        command_line.write_file(report, report_page(
             session.arm, session.checks, session.settings, session.holds, origin))
+        print(f'Report: {report}')
     for check in session.checks.bad[:1]:
         print(f'connect: {output} is not written: {check.name}: {check.text}', file=sys.stderr)
         return command_line.FAILED
-    command_line.write_file(urdf_file, session.urdf)
     command_line.write_file(output, session.file())
-    print('\nWritten:\n' + '\n'.join(f'  {path}' for path in files))
+    print(f'Parameters: {output}')
     return command_line.DONE
 
 
@@ -67,21 +73,22 @@ class Session:
     def __init__(self, client: DynamicsClient, arguments: Namespace, may_ask: bool) -> None:
         """`arguments` are the options of `connect`; with `may_ask`, missing limits are asked."""
         self._client, self._arguments, self._may_ask = client, arguments, may_ask
-        if arguments.xacro and arguments.urdf is None:
-            raise InvalidInputError('--xacro has no effect, expected --urdf with a .xacro file')
         if arguments.gravity and not np.linalg.norm(arguments.gravity) > 1.0:
             raise InvalidInputError(f'--gravity is {arguments.gravity}, expected 9.81 in length')
-        self._description = None if arguments.urdf is None else (
-            read_robot(arguments.urdf), arguments.urdf)
+        self._stated = 'stated by --unit' if arguments.unit else ''
         self._receiver: robot.Receiver | None = None
         self.checks = Checklist()
         self._given = self._parameters()
         self.settings: Settings = {name: (value, f'given in {arguments.parameters}')
                                    for name, value in self._given.items()}
+        self._description = (
+            read_robot(arguments.urdf) if arguments.urdf is not None
+            else description_from_parameters({DESCRIPTION: '', FILE: ''} | self._given),
+            arguments.urdf or arguments.parameters)
+        self.settings.pop(FILE, None)
         if arguments.gravity:
             self._given['gravity'] = arguments.gravity
             self.settings['gravity'] = arguments.gravity, 'given by --gravity'
-        self.urdf = ''
         self.arm: ArmModel | None = None
         self.holds: list[Hold] = []
 
@@ -102,13 +109,13 @@ class Session:
         """Check the robot; end before the arm is moved if a check is bad."""
         client, arguments = self._client, self._arguments
         self._log = log = states.StateLog(robot.topic_of_states(client, arguments.topic))
-        with log.receiving(client):
-            if not client.wait(lambda: len(log)):
+        with client.subscribed((JointState, log.topic, log.take, qos_profile_sensor_data)):
+            if not client.wait(lambda: log.states):
                 raise NoAnswerError(
                     f'no message on {log.topic} of '
                     f'{", ".join(robot.publishers(client, log.topic))} in {client.timeout:g} s: '
                     'start its driver, or activate its controller')
-            client.wait(lambda: False, LISTEN)
+            client.wait(lambda: False, states.LISTEN)
             self._find()
             if self.arm is not None and not self.checks.bad:
                 self._watch(self.arm)
@@ -121,6 +128,11 @@ class Session:
         return [f'joint_states:={self._log.topic}', *(
             [] if self._receiver is None else [self._receiver.remap])]
 
+    def _others(self) -> list[str]:
+        """Return the nodes that command efforts."""
+        return [] if self._receiver is None else robot.publishers(
+            self._client, self._receiver.topic)
+
     def file(self) -> str:
         """Return the text of the parameter file."""
         return parameter_file(self.settings, self._remaps, self._arguments.output.name)
@@ -128,30 +140,33 @@ class Session:
     def _find(self) -> None:
         """Check what is found before the arm moves."""
         client, log, arguments, checks = self._client, self._log, self._arguments, self.checks
-        layouts, names = log.states.layouts, robot.publishers(client, log.topic)
+        layouts, names = log.recorded.layouts, robot.publishers(client, log.topic)
         checks.add('joint states', BAD if 1 < len(names) > len(layouts) else True,
                    f'{log.topic} of {", ".join(names)}', 'one publisher per joint',
                    'end all but one of them')
-        urdf, source = self._description or description.published_description(
-            client, log.topic.rpartition('/')[0])
+        urdf, source = self._description
+        if urdf is None:
+            urdf, source = description.published_description(
+                client, log.topic.rpartition('/')[0])
         self._receiver = robot.find_receiver(
             client, arguments.receiver, log.topic, not arguments.passive, checks)
-        commands = robot.commanding(client, self._receiver)
+        commands = self._others()
         checks.add('other commands', not commands, ', '.join(commands) or 'none',
                    'no other node commands efforts', 'end it before this package commands the arm')
         joints = arguments.joints or self._given.get('joints') or (
             self._receiver.joints if self._receiver is not None else ())
-        self.urdf, arm = description.checked_arm(
+        urdf, arm = description.checked_arm(
             urdf, source, joints, max(layouts, key=len), self._given,
             {name: limits for name, *limits in arguments.limit}, self._may_ask, checks)
         if arm is not None:
+            self.settings[DESCRIPTION] = urdf, f'of {source}, with the limits of the checks'
             self.arm = self._set_up(arm, source)
-            states.check_units(log.series(arm), arm, arguments.unit, checks)
+            states.check_units(log.series(arm), arm, self._stated, checks)
             states.check_noise(log.series(arm), arm, checks)
 
-    def _set_up(self, arm: ArmModel, source: str) -> ArmModel:
+    def _set_up(self, arm: ArmModel, source: object) -> ArmModel:
         """Check the joint states and the mount of an arm; begin its settings; return the arm."""
-        log, today, file = self._log, f'{datetime.now():%Y-%m-%d}', self._arguments.output
+        log, today = self._log, f'{datetime.now():%Y-%m-%d}'
         if 'gravity' not in self.settings and (
                 found := robot.gravity_of_imu(self._client, arm, self.checks)):
             arm = arm.with_gravity(found[0])
@@ -160,14 +175,11 @@ class Session:
         timeout, measured = states.check_states(log, arm, self.checks)
         self.settings |= {
             'joints': (list(arm.joint_names), f'{log.topic}, {measured}, {source}, {today}'),
-            'robot_description_file': (str(file.with_suffix('.urdf').resolve()), (
-                f'the description of {source}, with the limits of the checks')),
             'command': ('none', 'no command has been tried: docs/safety.md, "The first command"')}
-        self.settings.pop('robot_description', None)
         if self._receiver is not None and self._receiver.is_controller:
             self.settings.setdefault('end_action', (
                 'ramp_to_zero', f'{self._receiver.node} keeps the last command'))
-        if timeout > states.STATE_TIMEOUT:
+        if timeout > STATE_TIMEOUT:
             self.settings.setdefault('state_timeout', (timeout, f'{measured}, {today}'))
         return arm
 
@@ -190,7 +202,11 @@ class Session:
             settings |= shown
             if 'gravity' in shown:
                 self.arm = arm.with_gravity(np.array(shown['gravity'][0]))
-        states.check_units(log.series(arm), arm, arguments.unit, self.checks)
+        if len(self.holds) > 1:  # it has moved
+            is_shown = any(one.grade is GOOD and one.name.startswith('report of')
+                           for one in self.checks)
+            states.check_units(log.series(arm), arm, self._stated or (
+                'g(q) of the positions is the effort' if is_shown else ''), self.checks)
 
     def _move(self, arm: ArmModel) -> None:
         """Hold the arm, and move each joint; add what it shows to the settings."""
@@ -199,7 +215,7 @@ class Session:
         assert series.position is not None
         g = RigidBody(arm).gravity(series.position[-1])
         share = float((np.abs(g) / arm.limits.effort).max())
-        others = robot.commanding(self._client, self._receiver)
+        others = self._others()
         motion = states.moving(series, arm)
         is_doubtful = any(one.name == 'units' and one.grade is UNKNOWN for one in checks)
         for name, is_bad, value, expected in (
@@ -211,10 +227,10 @@ class Session:
                  f'less than {probe.LARGEST_SHARE:.0%}')):
             if is_bad:
                 checks.add(f'{name} before the command', BAD, value, expected,
-                           'change this, then run connect again')
+                           'change this and run connect again; --passive writes the rest')
         if not checks.bad:
             if not self._arguments.yes:
                 probe.confirm(arm, series.position[-1])
-            with probe.holding_node(self.file(), self.urdf, self._remaps) as node:
+            with probe.holding_node(self.file(), self._remaps) as node:
                 probes = probe.Probes(self._client, arm, self._log.topic, checks)
                 self.settings |= probes.run(self.settings, node)

@@ -95,18 +95,19 @@ class _Test:
         """
         g = found = self.arm.gravity
         size = float(np.linalg.norm(g))
-        used, ratio, noise, inverse = ~is_wrong, np.ones(len(is_wrong)), self.floor, np.eye(3)
+        used, ratio, noise = ~is_wrong, np.ones(len(is_wrong)), self.floor
+        inverse: FloatArray = np.eye(3)
         for _ in range(ROUNDS):
             A = (ratio / noise)[:, None] * self.columns
             rows, b = A[:, used].reshape(-1, 3), (self.effort / noise)[:, used].ravel()
             weak = 1e-6 * max(float(np.linalg.norm(rows)), 1e-9)
-            inverse = np.linalg.inv(rows.T @ rows + weak**2 * np.eye(3))
+            inverse = np.asarray(np.linalg.inv(rows.T @ rows + weak**2 * np.eye(3)))
             found = g + inverse @ rows.T @ (b - rows @ g)
             found *= size / max(float(np.linalg.norm(found)), 1e-9)
             x = self.columns @ found
             ratio = np.where(is_wrong, self._ratios(x), 1.0)
             noise = self._noise(self.effort - ratio * x)
-            used = np.ones(len(is_wrong), dtype=bool)  # ratios leave the direction
+            used = np.ones(len(is_wrong), dtype=bool)  # a ratio leaves a direction
         away = g - (g @ found) * found / size**2
         away /= max(float(np.linalg.norm(away)), 1e-9)
         return found, (float(np.arccos(np.clip(g @ found / size**2, -1.0, 1.0))),

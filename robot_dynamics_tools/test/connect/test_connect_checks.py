@@ -16,6 +16,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.urdf.description_file import read_description_file
 from robot_dynamics_tools.connect.checks import Checklist
 from robot_dynamics_tools.connect.description import checked_arm
+from robot_dynamics_tools.connect.probe import drive_settings
 from robot_dynamics_tools.connect.states import check_units
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 
@@ -32,11 +33,6 @@ def checked(
     checks = Checklist()
     found = checked_arm(urdf, 'a file', joints, published, given, limits, may_ask, checks)
     return found, checks
-
-
-def grade_of(checks: Checklist, name: str) -> Grade:
-    grade, = (check.grade for check in checks if check.name == name)
-    return grade
 
 
 def test_a_missing_effort_limit_is_never_no_bound():
@@ -95,18 +91,34 @@ def series(
         velocity_factor * np.stack([v, 0.5 * v], axis=1), None, 0)
 
 
-@pytest.mark.parametrize(('motion', 'unit', 'name', 'grade', 'said'), [
-    ((1.0, 1.0), None, 'velocity', Grade.GOOD, 'the derivative of the position'),
-    ((57.2958, 1.0), None, 'units', Grade.BAD, 'position in degrees'),
-    ((57.2958, 57.2958), None, 'units', Grade.UNKNOWN, 'more than a turn, as in degrees: joint1'),
-    ((1.0, 1.0, 0.005, 45.0), None, 'units', Grade.UNKNOWN, 'as in degrees: joint1 45, joint2'),
-    ((1.0, 1.0, 0.005), None, 'units', Grade.UNKNOWN, 'not known: no motion yet'),
-    ((1.0, 1.0, 0.005, 45.0), 'rad', 'units', Grade.GOOD, 'stated by --unit'),
-    ((1.0, -1.0), None, 'velocity', Grade.CHECK, 'not the derivative of the position at joint1'),
+@pytest.mark.parametrize(('motion', 'known', 'name', 'grade', 'said'), [
+    ((1.0, 1.0), '', 'velocity', Grade.GOOD, 'the derivative of the position'),
+    ((57.2958, 1.0), '', 'units', Grade.BAD, 'position in degrees'),
+    ((57.2958, 57.2958), '', 'units', Grade.BAD, 'more than a turn, as in degrees: joint1'),
+    ((1.0, 1.0, 0.005), '', 'units', Grade.UNKNOWN, 'not known: no motion yet'),
+    ((1.0, 1.0, 0.005, 45.0), 'stated', 'units', Grade.GOOD, 'stated'),
+    ((1.0, -1.0), '', 'velocity', Grade.CHECK, 'not the derivative of the position at joint1'),
 ])
-def test_units_are_named(motion, unit, name, grade, said):
-    checks, urdf = Checklist(), default_arm_urdf()
-    turning = load_arm(urdf.replace('"revolute"', '"continuous"'))
-    check_units(series(*motion), turning, unit, checks)
-    assert grade_of(checks, name) is grade
-    assert said in next(check.text for check in checks if check.name == name)
+def test_units_are_named(motion, known, name, grade, said):
+    checks = Checklist()
+    check_units(series(*motion), load_arm(default_arm_urdf()), known, checks)
+    check, = (one for one in checks if one.name == name)
+    assert check.grade is grade
+    assert said in check.text
+
+
+@pytest.mark.parametrize(('verdict', 'failure', 'key', 'value'), [
+    ('agrees; a sentence', '', 'command', 'computed_torque'),
+    ('agrees; a sentence', 'the motion ended early', 'command', 'none'),
+    ('reversed; a sentence', '', 'effort.command_scale', [-2.0, 2.0]),
+    ('command scale -1.09', "wrong_drive: 'joint1'", 'effort.command_scale', [-2.0, 2.0]),
+    ('report scale 0.5; a sentence', '', 'effort.report_scale', [2.0, 1.0]),
+    ('unclear: report scale 0.5 or command scale 2', '', 'effort.report_scale', [2.0, 1.0]),
+    ('adds gravity; a sentence', '', 'robot_compensates', ['gravity']),
+    ('gravity tilted by 90; a gravity of [9.8, 0.0, 0.1] m/s²', '', 'gravity', [9.81, 0.0, 0.1])])
+def test_a_drive_changes_its_parameter(verdict, failure, key, value):
+    other = 'command scale 2.5; of a stop' if 'wrong' in failure else 'agrees; a sentence'
+    found = drive_settings(
+        load_arm(default_arm_urdf()), {'joint1': verdict, 'joint2': other},
+        np.array([1.0, np.nan]), {'effort.command_scale': ([2.0], 'given')}, failure, Checklist())
+    assert found[key][0] == value
