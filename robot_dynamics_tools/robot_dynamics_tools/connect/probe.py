@@ -21,6 +21,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
+from rclpy.qos import qos_profile_sensor_data
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
@@ -33,7 +34,7 @@ from robot_dynamics.ros.middleware.diagnostics import STIFFNESS, values_per_join
 from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics_tools.connect.checks import BAD, CHECK, Checklist, Settings, UNKNOWN
 from robot_dynamics_tools.gravity_calibration.holds import per_joint
-from robot_dynamics_tools.gravity_calibration.reported_gravity import is_scale
+from robot_dynamics_tools.gravity_calibration.reported_gravity import is_scale, NOISE
 from robot_dynamics_tools.processes import DYNAMICS, NodeProcess, STOP_TIMEOUT
 from robot_dynamics_tools.recordings.interrupts import uninterrupted
 from robot_dynamics_tools.reporting.progress import Progress
@@ -55,6 +56,8 @@ LARGEST_SHARE = 0.4
 """Largest share of the effort limit that gravity may take at the pose of the probes."""
 LEAST_SHARE, NEAR = 0.05, 0.15
 """Gravity by the effort limit from which a probe shows the command; and its largest error."""
+REVERSED = -0.5
+"""Reported effort by torque of a small motion below which the report is reversed."""
 RATE_SHARE, LEAST_GAINS = 'share of the gains that the state rate allows', 0.5
 QUESTION = (
     'The arm stands at {pose}, by its joint states.\n'
@@ -107,6 +110,10 @@ class Probes:
         self._body, self._torque = RigidBody(arm), list[FloatArray]()
         self._share: FloatArray = np.full(arm.joint_count, np.nan)
         """Of g(q) that holds the joint (n,), NaN if it bears too little to tell."""
+        self._reported: FloatArray = np.ones(arm.joint_count)
+        """Reported effort by torque in the probes (n,), 1 if the torque is too small to tell."""
+        self._effort: dict[str, float] = {}
+        """The newest reported efforts by name."""
         self._values: dict[str, str] = {}
         """Values of the statuses `drive` and `reference`."""
         self._stiffness: dict[str, float] = {}
@@ -126,10 +133,12 @@ class Probes:
         client.wait(is_started, START_TIME)
         client.wait(lambda: client.joint_state_topic() == self._topic)
         with watch.following(), client.subscribed(
+                (JointState, self._topic, self._on_state, qos_profile_sensor_data),
                 (JointState, client.resolve('~/computed_torque'), self._on_torque, 100),
                 (DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)):
             try:
                 watch.wait_ready()
+                client.receive(JointState, client.resolve('~/computed_torque'), 100, bool)
                 client.wait(lambda: False, HOLD_TIME)
                 start = np.array(watch.measured())
                 with (goal_publication(client, arm.joint_names) as publish,
@@ -145,8 +154,12 @@ class Probes:
             f'{self._values.get(RATE_SHARE, "?")} of the gains, stiffness ' + ', '.join(
                 f'{name} {value:g}' for name, value in self._stiffness.items()),
             '1.0, N·m/rad or N/m', 'a faster driver, or lower gains.natural_frequency')
-        return drive_settings(
-            arm, self._values, self._share, used, failure, self._checks)
+        verdicts = {name: self._values.get(name, UNSEEN) for name in arm.joint_names}
+        for name, ratio in zip(arm.joint_names, self._reported):
+            if verdicts[name].startswith(UNSEEN) and ratio < REVERSED and (
+                    used.get('measured_effort', ('joint_torque',))[0] == 'joint_torque'):
+                verdicts[name] = f'report scale -1; {ratio:.2f} of the torque in the probe'
+        return drive_settings(arm, verdicts, self._share, used, failure, self._checks)
 
     def _probe(
         self, j: int, start: FloatArray, publish: Callable[[Sequence[float], float], None],
@@ -169,7 +182,10 @@ class Probes:
                 raise NoAnswerError(f'no message on {NODE}/computed_torque during the motion')
             seen.append(np.mean(self._torque, axis=0)[:, j])
             far = max(far, abs(watch.measured()[j] - start[j]))
-        (there, g_there), (back, g_back) = seen
+        (there, g_there, e_there), (back, g_back, e_back) = seen
+        if max(abs(there), abs(back)) > NOISE * limits.effort[j] and (
+                np.isfinite(e_there + e_back)):
+            self._reported[j] = (e_there * there + e_back * back) / (there**2 + back**2)
         g, held = 0.5 * (g_there + g_back), ''
         if abs(g) > LEAST_SHARE * limits.effort[j]:
             self._share[j] = 0.5 * (there + back) / g
@@ -183,13 +199,19 @@ class Probes:
             'see drive, mount, and masses of the model' if is_moved else
             'friction or a brake holds it: set actuator.reflected_inertia and friction')
 
+    def _on_state(self, message: JointState) -> None:
+        self._effort = dict(zip(message.name, message.effort))
+
     def _on_torque(self, message: JointState) -> None:
-        """Take the torque and g(q) while the reference moves."""
+        """Take the torque, g(q) and the reported effort while the reference moves."""
         watch = self._watch
         if watch.reference is not None and len(watch.position) == self._arm.joint_count and any(
                 watch.reference[2]):
             q = np.array(watch.measured())
-            self._torque.append(np.array([message.effort, self._body.gravity(q)]))
+            reported = [self._effort.get(name, np.nan) for name in self._arm.joint_names]
+            self._torque.append(np.array([
+                message.effort, self._body.gravity(q),
+                self._arm.given_report.torque(np.array(reported))]))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:

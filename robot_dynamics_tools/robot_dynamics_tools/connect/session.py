@@ -6,6 +6,7 @@
 from argparse import Namespace
 from datetime import datetime
 import sys
+import time
 from typing import Any
 
 import numpy as np
@@ -218,7 +219,9 @@ class Session:
         others = self._others()
         motion = states.moving(series, arm)
         is_doubtful = any(one.name == 'units' and one.grade is UNKNOWN for one in checks)
+        silent = 1e-9 * (time.time_ns() - self._log.times_ns[-1])
         for name, is_bad, value, expected in (
+                ('joint states', silent > REST, f'none for {silent:.1f} s', 'a running driver'),
                 ('other commands', others, f'of {", ".join(others)}', 'no other node commands'),
                 ('rest', motion, motion, 'an arm at rest'),
                 ('units', is_doubtful and self._arguments.yes, 'not known', '--unit rad'),
