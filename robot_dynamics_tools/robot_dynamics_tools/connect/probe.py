@@ -178,6 +178,7 @@ class Probes:
             self._torque.clear()
             watch.wait_taken(goal, partial(publish, goal, MOVE_TIME))
             watch.wait_end(goal, lambda _: None)
+            watch.wait_rest()
             if not self._torque:
                 raise NoAnswerError(f'no message on {NODE}/computed_torque during the motion')
             seen.append(np.mean(self._torque, axis=0)[:, j])
