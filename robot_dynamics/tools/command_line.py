@@ -127,6 +127,8 @@ def prepare_file(path: Path, force: bool) -> None:
     """
     if path.parent == _DEVICES:
         return
+    if path.is_dir():
+        raise InvalidInputError(f'output {str(path)!r} is a directory, expected a file')
     if path.is_file() and not force:
         raise InvalidInputError(
             f'output {str(path)!r} exists, expected the name of a new file, or --force to '

@@ -50,7 +50,7 @@ def run_tool(
 ) -> int:
     """Return the exit status of `run` with the parsed arguments (`command_line.run_tool`)."""
     complete(parser)
-    arguments = with_xacro(parser.parse_args(argv))
+    arguments = parsed(parser, argv)
     resumes = 'jobs' in arguments and arguments.output is not None
     return command_line.run_tool(
         parser.prog, lambda: run(arguments), interrupted='interrupted' + (
@@ -162,10 +162,13 @@ def add_robot(
         help=f'Argument of the .xacro file of {option}; may be repeated')
 
 
-def with_xacro(arguments: argparse.Namespace) -> argparse.Namespace:
+def parsed(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> argparse.Namespace:
     """Return parsed arguments with those of --xacro after the file of the robot."""
+    arguments = parser.parse_args(argv)
     for name in {'urdf', 'robot'} & set(vars(arguments)) if arguments.xacro else ():
-        setattr(arguments, name, ' '.join([vars(arguments)[name] or '', *arguments.xacro]))
+        if vars(arguments)[name] is None:
+            parser.error(f'--xacro has no effect, expected --{name} with a .xacro file')
+        setattr(arguments, name, ' '.join([vars(arguments)[name], *arguments.xacro]))
     return arguments
 
 

@@ -164,6 +164,6 @@ def test_the_commands_of_the_tutorial(clone, environment):
             for command in section.commands:
                 typist.type(command)
             count += len(section.commands)
-        typist.end_nodes()
+            typist.end_nodes()
     assert count > 10
     assert (directory / 'identified' / 'identified.yaml').is_file()

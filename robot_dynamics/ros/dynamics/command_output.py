@@ -78,6 +78,8 @@ class CommandOutput:
         """Whether commands are enabled."""
         self._silence = Silence(
             lambda words: node.get_logger().warning(f'No receiver: {words}'))
+        self._is_missed = False
+        """Whether no receiver was found at the last status."""
         self._latched: Fault | None = None
         self._faults_seen = 0
         self.mode_seen = Mode.INACTIVE
@@ -153,8 +155,8 @@ class CommandOutput:
             return self.loop is not None and self.loop.supervisor.is_commanding
 
     def has_listeners(self) -> bool:
-        """Return whether the command has subscribers."""
-        return bool(self._count() or self._count_bare())
+        """Return whether the command has subscribers that do more than observe."""
+        return bool(self._count() or self._count_bare()) and not self._is_missed
 
     # ------------------------------------------------------------------ start and end
 
@@ -301,12 +303,11 @@ class CommandOutput:
                 loop.controller.options.command == NO_COMMAND)
             obstacle = '' if self.served is None else command_obstacle(
                 self.served.arm, self.served.values['command'])
-        silence = ''
-        if mode is Mode.RUNNING and not (self.has_listeners() or self.counters.incompatible):
-            silence = self._silence.reason(
-                lambda: no_receiver(self._node, list(self.topics.values())))
-        else:
-            self._silence.end()
+        missing = ''
+        if mode is Mode.RUNNING and not self.counters.incompatible:
+            missing = no_receiver(self._node, list(self.topics.values()))
+        self._is_missed = bool(missing)
         return Status(
-            'command', *command_verdict(self.counters, mode, fault, is_off, obstacle, silence),
+            'command', *command_verdict(
+                self.counters, mode, fault, is_off, obstacle, self._silence.reason(missing)),
             self.counters.figures)

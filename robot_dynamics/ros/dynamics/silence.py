@@ -9,34 +9,37 @@ import os
 import time
 
 from rclpy.node import Node
-from robot_dynamics.ros.middleware.graph_watch import full_name
+from robot_dynamics.ros.middleware.graph_watch import full_name, OBSERVER, subscribers
 
-PATIENCE = 2.0
+PATIENCE = 1.5
 """[s] in which publishers and subscribers may still be discovered."""
 JOINT_STATE, NUMBERS = 'sensor_msgs/msg/JointState', 'std_msgs/msg/Float64MultiArray'
 
 
 class Silence:
-    """Something that is missing: its reason is logged once, after PATIENCE."""
+    """Something that may be missing: each reason is logged once, after PATIENCE."""
 
     def __init__(self, log: Callable[[str], object]) -> None:
-        self._log, self._since, self._logged = log, math.inf, ''
+        """Begin with something that is missing; `log` gets the reasons."""
+        self._log, self._since, self._logged = log, time.monotonic(), set[str]()
 
-    def reason(self, find: Callable[[], str]) -> str:
-        """Return what `find` returns, empty before PATIENCE; call it as long as it is missing."""
+    def reason(self, found: str) -> str:
+        """
+        Return the reason that is `found` at present, empty before PATIENCE.
+
+        An empty `found` states that nothing is missing.
+        """
         now = time.monotonic()
+        if not found:
+            self._since = math.inf
+            self._logged.clear()
         self._since = min(self._since, now)
         if now - self._since < PATIENCE:
             return ''
-        found = find()
-        if found != self._logged:
-            self._logged = found
+        if found not in self._logged:  # the first one may precede a discovery
+            self._logged.add(found)
             self._log(found)
         return found
-
-    def end(self) -> None:
-        """Forget it: it is there."""
-        self._since, self._logged = math.inf, ''
 
 
 def no_states(
@@ -64,7 +67,7 @@ def no_states(
         return f'{topic} has no publisher, but {", ".join(others)}: set {remap}'
     own = node.get_fully_qualified_name()
     nodes = sorted({full_name(*one) for one in node.get_node_names_and_namespaces()} - {own})
-    nodes = [name for name in nodes if '/_' not in name]  # of ros2cli
+    nodes = [name for name in nodes if not OBSERVER.search(name)]
     if nodes:
         return (f'{topic} has no publisher, only these nodes run: {", ".join(nodes)}. Start the '
                 f'driver, or set {remap}')
@@ -80,13 +83,18 @@ def domain() -> str:
 
 
 def no_receiver(node: Node, topics: Sequence[str]) -> str:
-    """Return why nothing receives the command on `topics`."""
+    """Return why nothing receives the command on `topics`, empty if something may."""
+    found = [subscribers(node, topic) for topic in topics]
+    if any(receivers for receivers, _ in found):
+        return ''
+    observers = sorted({name for _, names in found for name in names})
+    nothing = f'nothing subscribes to {" or ".join(topics)}' + (
+        f' except {", ".join(observers)}, which only observe' if observers else '')
     for ours, kind, end in (('effort_command', JOINT_STATE, 'effort_command'),
                             ('~/commands', NUMBERS, '/commands')):
-        found = [name for name, kinds in node.get_topic_names_and_types()
-                 if name.endswith(end) and kind in kinds and node.count_subscribers(name)]
-        if found:
-            return (f'nothing subscribes to {" or ".join(topics)}, but to {", ".join(found)}: '
-                    f"set `-r '{ours}:={found[0]}'`")
-    return (f'nothing subscribes to {" or ".join(topics)}: start the driver, or its effort '
+        others = [name for name, kinds in node.get_topic_names_and_types()
+                  if name.endswith(end) and kind in kinds and subscribers(node, name)[0]]
+        if others:
+            return f"{nothing}, but to {', '.join(others)}: set `-r '{ours}:={others[0]}'`"
+    return (f'{nothing}: start the driver, or its effort '
             "controller with `-r '~/commands:=/CONTROLLER/commands'`")

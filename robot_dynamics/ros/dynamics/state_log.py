@@ -88,6 +88,7 @@ class StateLog:
         self.repeated = 0
         self._incomplete = 0
         """Messages with some of the joints that do not complete a state."""
+        self._part_at = -math.inf
         self._missing: tuple[str, ...] = ()
         """Joints without a sample that is new enough, at the last message with some of them."""
         self.answered_at = -math.inf
@@ -98,7 +99,8 @@ class StateLog:
         self.dropped = Counter[str]()
         self.other_joints: list[str] | None = None
         """The joints of the last message with none of the arm, None without one."""
-        self._silence = Silence(lambda words: self.warn('silence', f'No joint states: {words}'))
+        self._silence = Silence(
+            lambda words: node.get_logger().warning(f'No joint states: {words}'))
         self.last_drop = self._refused = ''
         self._timing = ArrivalTiming(time.monotonic())
         self._dropped_before, self._dropped_at = 0, -math.inf
@@ -126,8 +128,8 @@ class StateLog:
     def part(self, missing: list[str], used_at: float) -> None:
         """Count a message that completes no state; log it if none was complete for long."""
         self._incomplete += 1
-        self._missing = tuple(missing)
-        if time.monotonic() - max(used_at, self.answered_at) > COMPLETION_TIME:
+        self._missing, self._part_at = tuple(missing), time.monotonic()
+        if self._part_at - max(used_at, self.answered_at) > COMPLETION_TIME:
             self.warn(
                 'incomplete',
                 f'No joint state is complete: there are no new samples of {missing}. Publish '
@@ -158,19 +160,19 @@ class StateLog:
         dropped = sum(drops.values()) - drops.get('other joints', 0)
         if dropped > self._dropped_before:
             self._dropped_before, self._dropped_at = dropped, now
-        level, words = OK, 'arriving'
+        level, words, silence = OK, 'arriving', ''
         if now - self._dropped_at < 1.0:
             level, words = ERROR, self.last_drop
-        elif rate == 0.0 and self._missing:
+        elif rate == 0.0 and now - self._part_at < 2.0 * WINDOW:
             level, words = ERROR, (
                 f'incomplete: no samples of {list(self._missing)} that are at most half '
                 'a period old')
         elif rate == 0.0:
             expected = () if loop is None else loop.controller.arm.joint_names
-            level, words = WARN, self._silence.reason(
-                lambda: no_states(self._node, expected, self.other_joints)) or 'none arrive yet'
-        if rate > 0.0 or now - self.answered_at < WINDOW:
-            self._silence.end()
+            if now - self.answered_at > WINDOW:
+                silence = no_states(self._node, expected, self.other_joints)
+            level, words = WARN, 'none arrive yet'
+        words = self._silence.reason(silence) or words
         offset = 0.0 if loop is None else loop.gate.plausibility.clock_offset
         if offset > 0.0:
             level, words = max(level, WARN), f'{words}; {_other_clock(offset)}'

@@ -5,6 +5,7 @@
 
 from collections.abc import Mapping
 import math
+import re
 import time
 
 from rclpy.node import Node
@@ -14,11 +15,22 @@ from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 LOOK_PERIOD = 1.0
 """[s] between two queries of the graph."""
 NAME = 'other nodes'
+OBSERVER = re.compile(
+    r'/(_[a-z]|dynamics_monitor|foxglove_|plotjuggler|rosbag2_|rqt|rviz|viewer)[^/]*$')
+"""Full names of nodes that show or record topics; those of ros2cli begin with an underscore."""
 
 
 def full_name(name: str, namespace: str) -> str:
     """Return the full name of a node."""
     return f'{namespace.rstrip("/")}/{name}'
+
+
+def subscribers(node: Node, topic: str) -> tuple[list[str], list[str]]:
+    """Return the full names of the nodes that subscribe to a topic: receivers, observers."""
+    found = sorted({full_name(end.node_name, end.node_namespace)
+                    for end in node.get_subscriptions_info_by_topic(topic)})
+    return ([name for name in found if not OBSERVER.search(name)],
+            [name for name in found if OBSERVER.search(name)])
 
 
 class GraphWatch:

@@ -6,11 +6,13 @@
 from collections.abc import Sequence
 from datetime import datetime
 import json
+from textwrap import indent
 
 import numpy as np
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
+from robot_dynamics.urdf.yaml_text import dump_yaml
 from robot_dynamics_tools.gravity_calibration.holds import Hold
 from robot_dynamics_tools.reporting.figures import comparison_panels, joint_figure
 from robot_dynamics_tools.reporting.interactive import add_figure
@@ -18,6 +20,7 @@ from robot_dynamics_tools.reporting.interactive import add_figure
 GOOD, CHECK, BAD, UNKNOWN = Grade.GOOD, Grade.CHECK, Grade.BAD, Grade.UNKNOWN
 Settings = dict[str, tuple[object, str]]
 """Values of parameters by their full names, each with a comment."""
+DESCRIPTION = 'robot_description'
 USUAL = 'joint_states:=/joint_states', 'effort_command:=/effort_command'
 """Remappings that change nothing."""
 RULE = ('Rule: bad forbids the parameter file, check changes a parameter or needs a look, unknown '
@@ -47,13 +50,13 @@ class Checklist(list[Verdict]):
 def parameter_file(settings: Settings, remaps: Sequence[str], name: str) -> str:
     """Return the parameter file `name` of `dynamics_node`, with a comment per value."""
     options = ''.join(f' -r {remap}' for remap in remaps if remap not in USUAL)
-    lines = [
-        f'# By `ros2 dynamics connect`, {datetime.now():%Y-%m-%d %H:%M}.', '#',
-        f'#   ros2 run robot_dynamics dynamics_node --ros-args --params-file {name}{options}',
-        '/**/dynamics:', '  ros__parameters:']
-    for key, (value, comment) in sorted(settings.items()):
-        lines += [f'    # {comment}', f'    {key}: {json.dumps(value)}']
-    return '\n'.join(lines) + '\n'
+    start = (f'# By `ros2 dynamics connect`, {datetime.now():%Y-%m-%d %H:%M}.\n#\n#   ros2 run '
+             f'robot_dynamics dynamics_node --ros-args --params-file {name}{options}\n'
+             '/**/dynamics:\n  ros__parameters:\n')
+    return start + ''.join(
+        indent(dump_yaml({key: value}, [comment], 'a parameter file'), '    ')
+        for key, (value, comment) in sorted(
+            settings.items(), key=lambda item: (item[0] == DESCRIPTION, item[0])))
 
 
 def report_page(
@@ -63,14 +66,18 @@ def report_page(
     page = Page(f'{arm.name}: connection', checks, RULE, origin, 'checks')
     page.section('Parameters')
     page.table([('parameter', 'value', 'from'), *(
-        (name, json.dumps(value), comment) for name, (value, comment) in settings.items())],
+        (name, json.dumps(value), comment) for name, (value, comment) in settings.items()
+        if name != DESCRIPTION)],
         kind='text')
     if holds:
         q, effort = (np.array([getattr(hold, name) for hold in holds])
                      for name in ('position', 'effort'))
-        title = 'Reported effort and g(q) of the description, at rest'
+        times = np.array([[hold.start, hold.end, hold.end] for hold in holds]).ravel()
+        measured, model = (np.repeat(one, 3, axis=0)
+                           for one in (effort, RigidBody(arm).gravity_batch(q)))
+        measured[2::3] = model[2::3] = np.nan  # no line between two holds
+        title = 'Reported effort and g(q), at rest'
         page.section(title)
-        add_figure(page, joint_figure(title, arm, comparison_panels(
-            np.array([hold.start for hold in holds]), effort, RigidBody(arm).gravity_batch(q))),
-            title)
+        add_figure(page, joint_figure(
+            title, arm, comparison_panels(times, measured, model)), title)
     return page.html()

@@ -6,10 +6,13 @@
 from collections.abc import Mapping, Sequence
 import math
 import sys
+from typing import Any
 
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
+from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model_check.report import check_description, NEXT_STEPS
+from robot_dynamics.ros.parameters.payloads import PAYLOAD_SPECS, payloads_at_start
 from robot_dynamics.urdf.editing import with_continuous_joints, with_elements
 from robot_dynamics.validation import check_scalar, LARGEST_VALUE
 from robot_dynamics_tools.connect.checks import BAD, Checklist, GOOD
@@ -31,15 +34,23 @@ def published_description(client: DynamicsClient, namespace: str) -> tuple[str, 
         f'no description on {" or ".join(topics)}, expected robot_state_publisher, or --urdf FILE')
 
 
+def _arm(urdf: str, given: Mapping[str, Any], joints: Sequence[str]) -> ArmModel:
+    """Return the arm of a URDF with the parameters `given`, their payloads included."""
+    values = {spec.name: spec.default for spec in PAYLOAD_SPECS} | dict(given)
+    return arm_from_parameters(urdf, values, joints).with_payloads(payloads_at_start(values))
+
+
 def checked_arm(
     urdf: str, source: str, joints: Sequence[str], published: Sequence[str],
-    limits: Mapping[str, Sequence[str]], may_ask: bool, checks: Checklist,
+    given: Mapping[str, Any], limits: Mapping[str, Sequence[str]], may_ask: bool,
+    checks: Checklist,
 ) -> tuple[str, ArmModel | None]:
     """
     Return the URDF with all limits, and its arm with the joints that are published.
 
-    `limits` has velocity and effort by joint. Limits that are missing are asked for on the
-    terminal if that `may_ask`. There is no arm if no joint is published.
+    `given` are parameters of `dynamics_node`. `limits` has velocity and effort by joint. Limits
+    that are missing are asked for on the terminal if that `may_ask`. There is no arm if no joint
+    is published.
     """
     urdf, changed = with_continuous_joints(urdf)
     robot = arm_from_urdf(urdf)
@@ -54,33 +65,22 @@ def checked_arm(
         'joints', BAD if not used or joints and missing else not missing, '; '.join([
             ', '.join(used) or 'none', *(f'{what}: {", ".join(names)}' for what, names in (
                 ('not published', missing), ('ignored', other)) if names)]),
-        'the joints of the description, by name', _remedy(known, published))
+        'the joints of the description, by name',
+        'name the joints of the arm with --joints (others are locked), its topic with --topic, or '
+        'use the description that the driver uses (with the same prefix: --xacro prefix:=PREFIX)')
     if not used:
         return urdf, None
-    arm = arm_from_urdf(urdf, used)
-    branches = _branches(arm)
+    branches = _branches(arm_from_urdf(urdf, used))
     if branches and not joints:
         checks.add('gripper', BAD, f'{", ".join(branches)} may be a gripper',
                    'one chain of joints that no other joint mimics',
                    'name the joints of the arm: --joints ' + ' '.join(
                        name for name in used if name not in branches))
-    urdf = _completed(urdf, arm, limits, may_ask, checks)
-    arm = arm_from_urdf(urdf, used)
+    urdf, arm = _completed(urdf, used, given, limits, may_ask, checks)
     for finding in check_description(urdf, used, arm).findings:
         checks.add(f'model {finding.check}', BAD if finding.level == 'error' else False,
                    finding.message, 'a consistent model', NEXT_STEPS[finding.check])
     return urdf, arm
-
-
-def _remedy(known: Sequence[str], published: Sequence[str]) -> str:
-    """Return what to do if joints are not published."""
-    prefixes = {theirs.removesuffix(known[0]) for theirs in published if theirs.endswith(known[0])}
-    for prefix in prefixes:
-        if set(published) >= {f'{prefix}{name}' for name in known}:
-            return (f'the driver begins all names with {prefix!r}: use the description that it '
-                    f'uses, for example --xacro prefix:={prefix}')
-    return ('name the joints of the arm with --joints (others are locked), its topic with '
-            '--topic, or use the description that the driver uses')
 
 
 def _branches(arm: ArmModel) -> list[str]:
@@ -96,33 +96,38 @@ def _branches(arm: ArmModel) -> list[str]:
 
 
 def _completed(
-    urdf: str, arm: ArmModel, given: Mapping[str, Sequence[str]], may_ask: bool, checks: Checklist,
-) -> str:
-    """Return the URDF with the given limits, and with those that the user types."""
-    for name in given:
-        if name not in arm.joint_names:
-            raise InvalidInputError(f'--limit has joint {name!r}, expected one of: '
-                                    f'{", ".join(arm.joint_names)}')
+    urdf: str, joints: Sequence[str], given: Mapping[str, Any],
+    stated: Mapping[str, Sequence[str]], may_ask: bool, checks: Checklist,
+) -> tuple[str, ArmModel]:
+    """Return the URDF with the stated limits, and with those that the user types; and its arm."""
+    for name in stated:
+        if name not in joints:
+            raise InvalidInputError(
+                f'--limit has joint {name!r}, expected one of: {", ".join(joints)}')
+    if stated and given.get('effort.limit'):
+        raise InvalidInputError('effort.limit of --parameters replaces the efforts of --limit, '
+                                'expected only one of them')
     values = {name: {what: _checked(f'--limit {name}: {what}', text)
-                     for what, text in zip(LIMITS, pair)} for name, pair in given.items()}
-    missing = []
-    for what in LIMITS:
-        for name, limit in zip(arm.joint_names, getattr(arm.limits, what)):
-            of_joint = values.setdefault(name, {})
-            if math.isinf(limit) and what not in of_joint:
-                text = _typed(f'{what} limit of {name}') if may_ask else ''
-                if text:
-                    of_joint[what] = text
-                else:
-                    missing.append(f'{what} of {name}')
-    urdf = with_elements(urdf, {}, {}, values) if any(values.values()) else urdf
-    limits = arm_from_urdf(urdf, arm.joint_names).limits
+                     for what, text in zip(LIMITS, pair)} for name, pair in stated.items()}
+    arm = _arm(with_elements(urdf, {}, {}, values), given, joints)
+    missing = [(name, what) for what in LIMITS
+               for name, limit in zip(joints, getattr(arm.limits, what)) if math.isinf(limit)]
+    for name, what in missing if may_ask else ():
+        text = _typed(f'{what} limit of {name}')
+        if not text:
+            break
+        values.setdefault(name, {})[what] = text
+    if any(values.values()):
+        urdf = with_elements(urdf, {}, {}, values)
+        arm = _arm(urdf, given, joints)
+    missing = [one for one in missing if one[1] not in values.get(one[0], {})]
     checks.add('limits', BAD if missing else GOOD, (
-        f'missing or 0: {", ".join(missing)}' if missing else 'velocity and effort ' + ', '.join(
+        f'missing or 0: {", ".join(f"{what} of {name}" for name, what in missing)}'
+        if missing else 'velocity and effort ' + ', '.join(
             f'{name} {v:g} {e:g}' for name, v, e in zip(
-                arm.joint_names, limits.velocity, limits.effort))),
+                joints, arm.limits.velocity, arm.limits.effort))),
         'each above 0, from the data sheet', '--limit JOINT VELOCITY EFFORT for each')
-    return urdf
+    return urdf, arm
 
 
 def _typed(what: str) -> str:

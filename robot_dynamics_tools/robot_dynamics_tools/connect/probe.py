@@ -8,28 +8,33 @@ The node is started for this, in the namespace /connect: what is tried is then t
 written, and not the parameters of a node that happens to run.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
+import json
 from pathlib import Path
 import re
 import sys
 from tempfile import TemporaryDirectory
 import time
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
+from rclpy.qos import qos_profile_sensor_data
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
+from robot_dynamics.monitoring.drive_tilt import TILTED
 from robot_dynamics.monitoring.drive_verdicts import AGREES
+from robot_dynamics.monitoring.drive_verdicts import NEAR as RESOLUTION
 from robot_dynamics.monitoring.drive_verdicts import UNKNOWN as UNSEEN
 from robot_dynamics.ros.middleware.diagnostics import STIFFNESS
 from robot_dynamics.tools.command_line import ToolError
-from robot_dynamics_tools.connect.checks import BAD, Checklist, Settings, UNKNOWN
-from robot_dynamics_tools.connect.gravity import is_scale
+from robot_dynamics_tools.connect.checks import BAD, CHECK, Checklist, Settings, UNKNOWN
 from robot_dynamics_tools.gravity_calibration.holds import per_joint
+from robot_dynamics_tools.gravity_calibration.reported_gravity import is_scale, NOISE
 from robot_dynamics_tools.processes import DYNAMICS, NodeProcess, STOP_TIMEOUT
 from robot_dynamics_tools.recordings.interrupts import uninterrupted
 from robot_dynamics_tools.reporting.progress import Progress
@@ -52,32 +57,35 @@ LARGEST_SHARE = 0.4
 """Largest share of the effort limit that gravity may take at the pose of the probes."""
 LEAST_SHARE, NEAR = 0.05, 0.15
 """Gravity by the effort limit from which a probe shows the command; and its largest error."""
+REVERSED = -0.5
+"""Reported effort by torque of a small motion below which the report is reversed."""
 RATE_SHARE, LEAST_GAINS = 'share of the gains that the state rate allows', 0.5
 QUESTION = (
-    'A dynamics node now holds the arm with at most {share:.0%} of its effort limits, and moves '
-    'each joint by {step}.\nThen the command ends: brakes, or the controller of the robot, must '
-    'hold the arm. Keep the emergency stop\nat hand. Ctrl-C stops the arm. Type yes and press '
-    'Enter to begin: ')
+    'The arm stands at {pose}, by its joint states.\n'
+    'A dynamics node now holds it with at most {share:.0%} of its effort limits, and moves each '
+    'joint by {step}.\nThen the command ends: brakes, or the controller of the robot, must hold '
+    'the arm. Keep the emergency stop\nat hand. Ctrl-C stops the arm. Type yes and press Enter if '
+    'the pose is right: ')
 
 
-def confirm() -> None:
-    """Ask on the terminal; raise ToolError unless the user types yes."""
-    print(QUESTION.format(share=LIMIT_FRACTION, step=f'{STEP[0]:g} rad or {STEP[1]:g} m'), end='',
-          flush=True)
+def confirm(arm: ArmModel, q: FloatArray) -> None:
+    """Ask on the terminal with the positions (n,); raise ToolError unless the user types yes."""
+    pose = ', '.join(f'{name} {x:.3f} m' if kind == 'prismatic' else f'{name} {np.degrees(x):.0f}°'
+                     for name, kind, x in zip(arm.joint_names, arm.joint_kinds, q))
+    print(QUESTION.format(pose=pose, share=LIMIT_FRACTION,
+                          step=f'{STEP[0]:g} rad or {STEP[1]:g} m'), end='', flush=True)
     if sys.stdin.readline().strip().lower() != 'yes':
         raise ToolError('not confirmed; the arm has not moved')
 
 
 @contextmanager
-def holding_node(parameters: str, urdf: str, remaps: Sequence[str]) -> Iterator[NodeProcess]:
-    """Run `dynamics_node` with a parameter file and a URDF; at the end the arm stops first."""
+def holding_node(parameters: str, remaps: Sequence[str]) -> Iterator[NodeProcess]:
+    """Run `dynamics_node` with the text of a parameter file; at the end the arm stops first."""
     with TemporaryDirectory() as name:
-        folder = Path(name)
-        for file, text in (('arm.yaml', parameters), ('arm.urdf', urdf)):
-            (folder / file).write_text(text, encoding='utf-8')
+        folder, file = Path(name), Path(name, 'arm.yaml')
+        file.write_text(parameters, encoding='utf-8')
         node = NodeProcess('dynamics', DYNAMICS, {
-            'robot_description_file': str(folder / 'arm.urdf'), 'command': 'computed_torque',
-            'effort_limit_fraction': LIMIT_FRACTION}, folder, folder / 'arm.yaml', [
+            'command': 'computed_torque', 'effort_limit_fraction': LIMIT_FRACTION}, folder, file, [
                 '--ros-args', *(word for remap in [f'__ns:={NAMESPACE}', *remaps]
                                 for word in ('-r', remap)), '--'])
         try:
@@ -99,10 +107,14 @@ class Probes:
     ) -> None:
         """`topic` is that of the joint states."""
         self._client, self._arm, self._topic, self._checks = client, arm, topic, checks
-        self._watch = MotionWatch(client, arm.joint_names, arm.is_continuous.tolist())
+        self._watch = MotionWatch(client, arm.joint_names, arm.joint_kinds)
         self._body, self._torque = RigidBody(arm), list[FloatArray]()
         self._share: FloatArray = np.full(arm.joint_count, np.nan)
         """Of g(q) that holds the joint (n,), NaN if it bears too little to tell."""
+        self._reported: FloatArray = np.ones(arm.joint_count)
+        """Reported effort by torque in the probes (n,), 1 if the torque is too small to tell."""
+        self._effort: dict[str, float] = {}
+        """The newest reported efforts by name."""
         self._values: dict[str, str] = {}
         """Values of the statuses `drive` and `reference`."""
         self._stiffness: dict[str, float] = {}
@@ -122,10 +134,12 @@ class Probes:
         client.wait(is_started, START_TIME)
         client.wait(lambda: client.joint_state_topic() == self._topic)
         with watch.following(), client.subscribed(
+                (JointState, self._topic, self._on_state, qos_profile_sensor_data),
                 (JointState, client.resolve('~/computed_torque'), self._on_torque, 100),
                 (DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)):
             try:
                 watch.wait_ready()
+                client.receive(JointState, client.resolve('~/computed_torque'), 100, bool)
                 client.wait(lambda: False, HOLD_TIME)
                 start = np.array(watch.measured())
                 with (goal_publication(client, arm.joint_names) as publish,
@@ -141,7 +155,12 @@ class Probes:
             f'{self._values.get(RATE_SHARE, "?")} of the gains, stiffness ' + ', '.join(
                 f'{name} {value:g}' for name, value in self._stiffness.items()),
             '1.0, N·m/rad or N/m', 'a faster driver, or lower gains.natural_frequency')
-        return self._settings(used, failure)
+        verdicts = {name: self._values.get(name, UNSEEN) for name in arm.joint_names}
+        for name, ratio in zip(arm.joint_names, self._reported):
+            if verdicts[name].startswith(UNSEEN) and ratio < REVERSED and (
+                    used.get('measured_effort', ('joint_torque',))[0] == 'joint_torque'):
+                verdicts[name] = f'report scale -1; {ratio:.2f} of the torque in the probe'
+        return drive_settings(arm, verdicts, self._share, used, failure, self._checks)
 
     def _probe(
         self, j: int, start: FloatArray, publish: Callable[[Sequence[float], float], None],
@@ -160,28 +179,41 @@ class Probes:
             self._torque.clear()
             watch.wait_taken(goal, partial(publish, goal, MOVE_TIME))
             watch.wait_end(goal, lambda _: None)
+            watch.wait_rest()
             if not self._torque:
                 raise NoAnswerError(f'no message on {NODE}/computed_torque during the motion')
             seen.append(np.mean(self._torque, axis=0)[:, j])
             far = max(far, abs(watch.measured()[j] - start[j]))
-        (there, g_there), (back, g_back) = seen
+        (there, g_there, e_there), (back, g_back, e_back) = seen
+        if max(abs(there), abs(back)) > NOISE * limits.effort[j] and (
+                np.isfinite(e_there + e_back)):
+            self._reported[j] = (e_there * there + e_back * back) / (there**2 + back**2)
         g, held = 0.5 * (g_there + g_back), ''
         if abs(g) > LEAST_SHARE * limits.effort[j]:
             self._share[j] = 0.5 * (there + back) / g
             held = f', held by {self._share[j]:.2f} g(q)'
         friction = max(0.5 * sign * (there - g_there - back + g_back), 0.0)
+        is_moved = far > 0.5 * step[j]
         self._checks.add(
-            f'probe of {arm.joint_names[j]}', not abs(self._share[j] - 1.0) >= NEAR,
-            f'moved by {far:.4f}, friction {friction:.2g}{held}', 'held by 1.00 g(q)',
-            'see the drive, and the masses of the model')
+            f'probe of {arm.joint_names[j]}', is_moved and not abs(self._share[j] - 1.0) >= NEAR,
+            f'moved by {far:.4f}, friction {"" if is_moved else "above "}{friction:.2g}{held}',
+            f'moved by {step[j]:g}, held by 1.00 g(q)',
+            'see drive, mount, and masses of the model' if is_moved else
+            'friction or a brake holds it: set actuator.reflected_inertia and friction')
+
+    def _on_state(self, message: JointState) -> None:
+        self._effort = dict(zip(message.name, message.effort))
 
     def _on_torque(self, message: JointState) -> None:
-        """Take the torque and g(q) while the reference moves."""
+        """Take the torque, g(q) and the reported effort while the reference moves."""
         watch = self._watch
         if watch.reference is not None and len(watch.position) == self._arm.joint_count and any(
                 watch.reference[2]):
             q = np.array(watch.measured())
-            self._torque.append(np.array([message.effort, self._body.gravity(q)]))
+            reported = [self._effort.get(name, np.nan) for name in self._arm.joint_names]
+            self._torque.append(np.array([
+                message.effort, self._body.gravity(q),
+                self._arm.given_report.torque(np.array(reported))]))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -189,35 +221,51 @@ class Probes:
                 self._values |= {pair.key: pair.value for pair in status.values}
                 self._stiffness |= values_per_joint(status.values, STIFFNESS)
 
-    def _settings(self, used: Settings, failure: str) -> Settings:
-        """Check the verdicts on the drives; return the settings that they need."""
-        names, settings = self._arm.joint_names, Settings()
-        factors = {'command': np.ones(len(names)), 'report': np.ones(len(names))}
-        said = {name: self._values.get(name, UNSEEN) for name in names}
-        is_right = all(text.startswith((AGREES, UNSEEN)) for text in said.values())
-        for j, (name, text) in enumerate(said.items()):
-            verdict, _, sentence = text.partition('; ')
-            if abs(self._share[j] - 1.0) < NEAR:  # the command is right
-                verdict = re.sub(r'^unclear: (report scale \S+) or .*', r'\1', verdict)
-            self._checks.add(f'drive of {name}', UNKNOWN if verdict == UNSEEN else (
-                verdict == AGREES), verdict, AGREES, sentence)
-            direction, is_scaled, scale = verdict.partition(' scale ')
-            if verdict == 'reversed':
-                factors['command'][j] = -1.0
-            elif is_scaled and direction in factors and is_scale(float(scale)):
-                factors[direction][j] = float(scale)**(1 if direction == 'command' else -1)
-            elif verdict == 'adds gravity':
-                settings['robot_compensates'] = ['gravity'], sentence
-        for direction, factor in factors.items():
-            key = f'effort.{direction}_scale'
-            if (factor != 1.0).any():
-                settings[key] = (factor * np.array(used.get(key, (1.0,))[0])).round(3).tolist(), (
-                    '; '.join(f'{name}: {text}' for name, text in said.items()))
-        if failure:
-            self._checks.add('motion', BAD if is_right else False, failure,
-                             'a motion as commanded', 'see the drives')
-        settings['command'] = ('computed_torque', (
-            f'held the arm, and moved each joint by {STEP[0]:g} rad or {STEP[1]:g} m')) if (
-            is_right and not failure) else (
-            'none', 'run connect with the new values before the first command')
-        return settings
+
+def drive_settings(
+    arm: ArmModel, verdicts: Mapping[str, str], share: FloatArray, used: Settings, failure: str,
+    checks: Checklist,
+) -> Settings:
+    """
+    Check the `verdicts` on the drives by joint; return the settings that they need.
+
+    `share` (n,) of g(q) has held the joints, NaN if unknown; `used` are the settings of the node,
+    and `failure` is why the motion has ended. After a wrong drive, the command of the other joints
+    was only a stop: it shows no scale.
+    """
+    names, settings = arm.joint_names, Settings()
+    stopped = re.findall(r"wrong_drive: '([^']*)'", failure)
+    said = {name: verdicts.get(name, UNSEEN) if name in (stopped or names) else UNSEEN
+            for name in names}
+    for j, (name, text) in enumerate(said.items()):
+        verdict, _, sentence = text.partition('; ')
+        if abs(share[j] - 1.0) < NEAR:  # the command is right
+            verdict = re.sub(r'^unclear: (report scale \S+) or .*', r'\1', verdict)
+        checks.add(f'drive of {name}', UNKNOWN if verdict == UNSEEN else verdict == AGREES,
+                   verdict, AGREES, sentence)
+        scaled = re.fullmatch(
+            r'(command|report) scale (\S+)', verdict.replace('reversed', 'command scale -1'))
+        if scaled and is_scale(float(scaled[2])):
+            key, factor = f'effort.{scaled[1]}_scale', float(scaled[2])
+            if abs(factor + 1.0) < RESOLUTION:
+                factor = -1.0
+            before: Any = settings.get(key, used.get(key, (1.0, '')))[0]
+            scales = np.ones(len(names)) * before
+            scales[j] *= factor if scaled[1] == 'command' else 1.0 / factor
+            settings[key] = scales.round(3).tolist(), f'{name}: {text}'
+        elif verdict == 'adds gravity':
+            settings['robot_compensates'] = ['gravity'], sentence
+        elif verdict.startswith(TILTED):
+            found = np.array(json.loads(re.findall(r'\[.*?\]', sentence)[0]))
+            found *= np.linalg.norm(arm.gravity) / np.linalg.norm(found)
+            settings['gravity'] = found.round(2).tolist(), sentence
+    is_right = all(text.startswith((AGREES, UNSEEN)) for text in said.values()) and not stopped
+    if failure:
+        checks.add('motion', BAD if is_right else False, failure, 'a motion as commanded',
+                   'see the drives')
+    is_shown = is_right and not failure and not any(
+        one.grade is CHECK for one in checks if one.name.startswith('probe of'))
+    settings['command'] = ('computed_torque', (
+        f'held the arm, and moved each joint by {STEP[0]:g} rad or {STEP[1]:g} m')) if (
+        is_shown) else ('none', 'before the first command, run connect until all joints pass')
+    return settings

@@ -3,13 +3,12 @@
 
 """The joint states of a robot as they arrive: rate, stamps, units, resolution, noise."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import math
 import time
 
 import numpy as np
-from rclpy.qos import qos_profile_sensor_data
 from robot_dynamics.control.options import DEFAULT_STATE_MAX_AGE
+from robot_dynamics.control.safety.faults import STATE_TIMEOUT
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.monitoring.state_plausibility import SAME_CLOCK
@@ -20,62 +19,62 @@ from robot_dynamics_tools.connect.checks import BAD, Checklist, GOOD, UNKNOWN
 from robot_dynamics_tools.gravity_calibration.holds import BLOCK, per_joint, REST_SPEED
 from robot_dynamics_tools.recordings.joint_series import JointSeries, RecordedJointStates
 from robot_dynamics_tools.recordings.messages import FIELDS, RecordedState
-from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
+from robot_dynamics_tools.ros2_dynamics.client import NoAnswerError
 from sensor_msgs.msg import JointState
 
-STATE_TIMEOUT = 0.05
-"""[s], the default of the parameter `state_timeout`."""
+LISTEN, LEAST = 3.0, 10
+"""[s] in which rate, stamps and noise are measured, and fewest joint states in this time."""
 MOVED = 0.01
 """[rad] or [m] of motion from which velocities are compared with positions."""
-GAPS = 3.0
-"""The timeout by the longest gap between two joint states."""
+USUAL, GAPS = 0.99, 3.0
+"""The timeout by the gap between two joint states that this share of all does not exceed."""
 
 
 class StateLog:
-    """The joint states of a topic since the start of `receiving`."""
+    """The joint states that `take` gets, with the times of their arrival [ns]."""
 
     def __init__(self, topic: str) -> None:
         self.topic = topic
-        self._times: list[int] = []
-        self._states: list[RecordedState] = []
+        self.times_ns: list[int] = []
+        self.states: list[RecordedState] = []
 
-    @contextmanager
-    def receiving(self, client: DynamicsClient) -> Iterator[None]:
-        """Receive in `with`."""
-        with client.subscribed((JointState, self.topic, self._take, qos_profile_sensor_data)):
-            yield
-
-    def _take(self, message: JointState) -> None:
+    def take(self, message: JointState) -> None:
         values = {name: np.array(getattr(message, name)) for name in FIELDS
                   if len(getattr(message, name)) == len(message.name) > 0}
-        self._states.append(RecordedState(
-            len(self._times), tuple(message.name), stamp_from_ros(message.header.stamp), values))
-        self._times.append(time.time_ns())
-
-    def __len__(self) -> int:
-        return len(self._times)
+        self.states.append(RecordedState(
+            len(self.states), tuple(message.name), stamp_from_ros(message.header.stamp), values))
+        self.times_ns.append(time.time_ns())
 
     @property
-    def states(self) -> RecordedJointStates:
+    def recorded(self) -> RecordedJointStates:
         return RecordedJointStates(
-            self.topic, np.array(self._times, dtype=np.int64), tuple(self._states), 0)
+            self.topic, np.array(self.times_ns, dtype=np.int64), tuple(self.states), 0)
 
     def series(self, arm: ArmModel) -> JointSeries:
         """Return the samples of an arm; raise RecordingError."""
-        return self.states.series(arm.joint_names).unwrapped(arm.is_continuous)
+        series = self.recorded.series(arm.joint_names).unwrapped(arm.is_continuous)
+        if series.position is None:
+            raise RecordingError(f'{self.topic} has no positions, one per name and finite')
+        return series
 
 
 def check_states(log: StateLog, arm: ArmModel, checks: Checklist) -> tuple[float, str]:
     """Check the joint states; return the `state_timeout` [s] that they need, and their rate."""
-    series, states = log.series(arm), log.states
+    series = log.series(arm)
+    if len(series.times) < LEAST:
+        raise NoAnswerError(
+            f'{len(series.times)} messages with {", ".join(arm.joint_names)} on {log.topic}, '
+            f'expected at least {LEAST} in {LISTEN:g} s')
     periods = np.diff(series.times)
-    longest = float(periods.max(initial=0.0))
-    timeout = max(STATE_TIMEOUT, float(np.ceil(100.0 * GAPS * longest) / 100.0))
+    longest, usual = float(periods.max()), float(np.quantile(periods, USUAL))
+    timeout = max(STATE_TIMEOUT, float(np.ceil(100.0 * GAPS * usual) / 100.0))
     measured = (f'{1.0 / np.median(periods):.0f} Hz, longest gap {1e3 * longest:.1f} ms, jitter '
                 f'{1e3 * periods.std():.2f} ms')
-    checks.add('rate', timeout == STATE_TIMEOUT, measured, 'gaps below 17 ms',
-               f'state_timeout is {timeout:g} s; feedback at this rate is soft')
-    ages = 1e-9 * (states.times_ns - np.array([one.stamp_ns for one in states.states]))
+    checks.add('rate', timeout == STATE_TIMEOUT and longest < 0.5 * timeout, measured,
+               '99 % of the gaps below 17 ms, none above half of state_timeout', (
+                   f'state_timeout is {timeout:g} s; a low rate makes the feedback soft, a rare '
+                   'gap is due to load of driver, network or this computer'))
+    ages = 1e-9 * np.subtract(log.times_ns, [one.stamp_ns for one in log.states])
     is_missing = series.faults.arrival_times
     is_simulated = bool(np.median(np.abs(ages)) > SAME_CLOCK)
     checks.add(
@@ -91,27 +90,39 @@ def check_states(log: StateLog, arm: ArmModel, checks: Checklist) -> tuple[float
     return timeout, measured
 
 
-def check_units(series: JointSeries, arm: ArmModel, checks: Checklist) -> None:
-    """Check positions and velocities by their size, and against each other."""
-    assert series.position is not None
-    expected = 'the derivative of the position'
-    has_moved = np.ptp(series.position, axis=0).max() > MOVED
+def check_units(series: JointSeries, arm: ArmModel, known: str, checks: Checklist) -> None:
+    """Check positions and velocities; `known` is what else shows radians, or ''."""
+    q, v, expected = series.position, series.velocity, 'the derivative of the position'
+    assert q is not None
+    checks[:] = [one for one in checks if one.name not in ('units', 'velocity')]  # of less motion
+    has_moved = np.ptp(q, axis=0).max() > MOVED
+    beyond = ', '.join(f'{name} {x:.4g}' for name, x, kind in zip(
+        arm.joint_names, np.abs(q).max(axis=0), arm.joint_kinds) if (
+            kind != 'prismatic' and x > math.tau))
     try:
         if has_moved:
             check_degrees(series)
         plausible(series, arm, True)
+        if beyond and not known:
+            raise RecordingError(
+                f'more than a turn, as in degrees: {beyond} (--unit rad if they are not)')
     except RecordingError as error:
         checks.add('units', BAD, str(error), 'rad, m', 'convert them in the driver')
         return
-    checks.add('units', GOOD, 'within the limits of the joints', 'rad, m')
-    if series.velocity is None:
+    is_wrong = np.zeros(arm.joint_count, dtype=bool) if v is None or not has_moved else (
+        contradicts_position(series.times, q, v, series.stretches()))
+    doubt = '' if known else 'no motion yet' if not has_moved else (
+        'no velocity to compare with') if v is None else (
+        'the velocity contradicts them' if is_wrong.any() else '')
+    checks.add('units', UNKNOWN if doubt else GOOD, f'not known: {doubt}' if doubt else (
+        known or 'within the limits, and the velocity is the derivative'),
+        'rad, m', 'move the arm by hand, or state --unit rad')
+    if v is None:
         checks.add('velocity', False, 'missing, or not one per name', expected,
                    'dynamics differentiates the positions, which is late and noisy')
     elif not has_moved:
         checks.add('velocity', UNKNOWN, 'published, not compared: no motion', expected)
     else:
-        is_wrong = contradicts_position(
-            series.times, series.position, series.velocity, series.stretches())
         names = ', '.join(np.array(arm.joint_names)[is_wrong])
         checks.add('velocity', not names, f'not {expected} at {names}' if names else expected,
                    expected, 'correct the driver, or publish no velocities')

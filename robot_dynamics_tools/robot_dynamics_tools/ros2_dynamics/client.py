@@ -163,10 +163,10 @@ class DynamicsClient:
             raise RefusedError(response.message)
         return response
 
-    def parameters(self, names: Sequence[str]) -> dict[str, Any]:
-        """Return parameters of the node by name."""
-        response = self.call(
-            GetParameters, 'get_parameters', GetParameters.Request(names=list(names)))
+    def parameters(self, names: Sequence[str], node: str = '') -> dict[str, Any]:
+        """Return parameters of the node, or of another one, by name; none if one is missing."""
+        response = self.call(GetParameters, f'{node or self.name}/get_parameters',
+                             GetParameters.Request(names=list(names)))
         return {name: parameter_value_to_python(value)
                 for name, value in zip(names, response.values)}
 

@@ -22,7 +22,7 @@ from typing import NoReturn
 from robot_dynamics.dependencies import require_ros
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.tools.command_line import DONE, FAILED, Parser, run_tool
-from robot_dynamics_tools.options import add_robot, number_in, with_xacro
+from robot_dynamics_tools.options import add_robot, number_in, parsed
 
 DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8080
 PORT_NUMBER = number_in(0, 65535, int)
@@ -64,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                             help=f'Name of the {text} (default: %(default)s)')
     given = list(sys.argv[1:] if argv is None else argv)
     split = given.index('--ros-args') if '--ros-args' in given else len(given)
-    arguments = with_xacro(parser.parse_args(given[:split]))
+    arguments = parsed(parser, given[:split])
     return run_tool('viewer', lambda: _run(arguments, given[split:]), rejected=FAILED)
 
 

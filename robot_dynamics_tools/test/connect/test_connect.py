@@ -4,10 +4,8 @@
 """`ros2 dynamics connect` with a simulated arm that its own controller moves."""
 
 from collections.abc import Iterator
-from contextlib import ExitStack
 import os
 from pathlib import Path
-import re
 import sys
 from typing import Any
 
@@ -81,7 +79,7 @@ def test_the_file_has_mount_and_scale_of_the_arm(client, moving, capsys, tmp_pat
     np.testing.assert_allclose(found['gravity'], GRAVITY, atol=0.05)
     np.testing.assert_allclose(found['effort.report_scale'], [2.0, 1.0], rtol=0.01)
     assert found['command'] == 'none'
-    assert load_arm(found['robot_description_file']).limits.effort.tolist() == [150.0, 60.0]
+    assert load_arm(found['robot_description']).limits.effort.tolist() == [150.0, 60.0]
     assert 'check    other commands: /controller (expected: no other node' in out
     assert 'check    mount: the base is tilted by 90°' in out
     assert 'good     watchdog: after 0.2 s' in out
@@ -110,17 +108,17 @@ def test_no_motion_without_a_terminal_to_ask_on(monkeypatch, capsys, tmp_path):
     assert capsys.readouterr().err.startswith('connect: standard input is no terminal, expected')
 
 
-def test_two_publishers_of_the_same_joints_are_named(capsys, tmp_path):
+def test_two_publishers_of_the_same_joints_are_named(client, capsys, tmp_path):
     topic, urdf = '/twice/joint_states', tmp_path / 'arm.urdf'
     urdf.write_text(URDF, encoding='utf-8')
-    with ExitStack() as stack:
-        for name in ('one', 'two'):
-            stack.enter_context(NodeProcess(
-                'joint_state_driver', {'rate': 50.0}, remaps={'joint_states': topic},
-                node_name=name, ready=re.compile('Streaming')))
-        assert run(tmp_path / 'my.yaml', '--topic', topic, '--urdf', urdf) == 1
+    both = [client.publisher(JointState, topic, subscribers=0) for _ in range(2)]
+    state = JointState(name=JOINTS, position=POSES[0])
+    timer = client.node.create_timer(0.02, lambda: [each.publish(state) for each in both])
+    assert run(tmp_path / 'my.yaml', '--topic', topic, '--urdf', urdf) == 1
+    client.node.destroy_timer(timer)
     assert capsys.readouterr().err.endswith(
-        'joint states: /twice/joint_states of /one, /two (expected: one publisher per joint)\n')
+        'joint states: /twice/joint_states of /test_client, /test_client (expected: one publisher '
+        'per joint)\n')
 
 
 def test_an_arm_that_another_node_commands_is_not_commanded(capsys, tmp_path):

@@ -10,7 +10,7 @@ import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.urdf.values import rotation
-from robot_dynamics_tools.connect.gravity import explanations
+from robot_dynamics_tools.gravity_calibration.reported_gravity import explanations
 
 ARM = load_arm('ur10')
 LIFT, ELBOW = 'shoulder_lift_joint', 'elbow_joint'

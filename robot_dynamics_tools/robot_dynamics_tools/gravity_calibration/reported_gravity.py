@@ -42,13 +42,15 @@ class Explanation(NamedTuple):
     A hypothesis with its best values.
 
     `gravity` (3,) [m/s²] is in the base frame; `ratio` (n,) is that of the report to g(q), and
-    `deviation` (n,) its standard deviation; `is_wrong` (n,) marks joints whose ratio is not 1;
+    `deviation` (n,) its standard deviation, due to `noise` (n,) of the efforts [N·m] or [N];
+    `is_wrong` (n,) marks joints whose ratio is not 1;
     `cost` is the negative log evidence, `angle` the tilt and its deviation [rad], 0 without one.
     """
 
     gravity: FloatArray
     ratio: FloatArray
     deviation: FloatArray
+    noise: FloatArray
     is_wrong: BoolArray
     cost: float
     angle: tuple[float, float] = (0.0, 0.0)
@@ -57,6 +59,11 @@ class Explanation(NamedTuple):
     def is_observable(self) -> BoolArray:
         """Marks the joints that bear enough gravity to show their ratio."""
         return np.asarray(self.deviation < OBSERVABLE * np.maximum(np.abs(self.ratio), ABSENT))
+
+    @property
+    def least(self) -> FloatArray:
+        """The gravity (n,) [N·m] or [N] at one hold that shows a ratio of 1."""
+        return np.asarray(self.noise / OBSERVABLE)
 
     def words(self, joint_names: Sequence[str]) -> str:
         """Return what the hypothesis says."""
@@ -80,11 +87,15 @@ class _Test:
         self.columns = np.stack([
             RigidBody(arm.with_gravity(axis)).gravity_batch(q) for axis in np.eye(3)], axis=2)
 
-    def _tilted(self, wrong: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-        """Return gravity, of the known size, if `wrong` have ratios; and its covariance (3, 3)."""
-        n, g = self.effort.shape[1], self.arm.gravity
-        used, ratio, noise = np.isin(np.arange(n), wrong, invert=True), np.ones(n), self.floor
-        found: FloatArray = g
+    def _tilted(self, is_wrong: BoolArray) -> tuple[FloatArray, tuple[float, float]]:
+        """
+        Return gravity, of the known size, if the joints `is_wrong` (n,) have ratios.
+
+        Also return the angle of the tilt, and its standard deviation [rad].
+        """
+        g = found = self.arm.gravity
+        size = float(np.linalg.norm(g))
+        used, ratio, noise = ~is_wrong, np.ones(len(is_wrong)), self.floor
         inverse: FloatArray = np.eye(3)
         for _ in range(ROUNDS):
             A = (ratio / noise)[:, None] * self.columns
@@ -92,12 +103,15 @@ class _Test:
             weak = 1e-6 * max(float(np.linalg.norm(rows)), 1e-9)
             inverse = np.asarray(np.linalg.inv(rows.T @ rows + weak**2 * np.eye(3)))
             found = g + inverse @ rows.T @ (b - rows @ g)
-            found *= np.linalg.norm(g) / max(float(np.linalg.norm(found)), 1e-9)
+            found *= size / max(float(np.linalg.norm(found)), 1e-9)
             x = self.columns @ found
-            ratio = np.where(np.isin(np.arange(n), wrong), self._ratios(x), 1.0)
+            ratio = np.where(is_wrong, self._ratios(x), 1.0)
             noise = self._noise(self.effort - ratio * x)
-            used = np.ones(n, dtype=bool)  # a joint with a ratio shows the direction too
-        return found, inverse
+            used = np.ones(len(is_wrong), dtype=bool)  # a ratio leaves a direction
+        away = g - (g @ found) * found / size**2
+        away /= max(float(np.linalg.norm(away)), 1e-9)
+        return found, (float(np.arccos(np.clip(g @ found / size**2, -1.0, 1.0))),
+                       float(np.sqrt(away @ inverse @ away)) / size)
 
     def _ratios(self, x: FloatArray) -> FloatArray:
         """Return the ratio (n,) of each joint for g(q) of x (N, n)."""
@@ -114,37 +128,27 @@ class _Test:
     ) -> Explanation:
         """Return the best values if the joints `wrong` have a ratio, a common one or each."""
         N, n = self.effort.shape
-        gravity, spread = self._tilted(wrong) if is_tilted else (
-            self.arm.gravity, np.zeros((3, 3)))
-        x, is_wrong = self.columns @ gravity, np.isin(np.arange(n), wrong)
-        own = self._ratios(x)
+        is_wrong = np.isin(np.arange(n), wrong)
+        gravity, angle = self._tilted(is_wrong) if is_tilted else (self.arm.gravity, (0.0, 0.0))
+        x = self.columns @ gravity
+        own, squares = self._ratios(x), np.maximum((x**2).sum(axis=0), 1e-12)
         ratio = np.where(is_wrong, own, 1.0)
         if is_common:
-            weight = self.floor**-2
-            ratio[:] = (weight * x * self.effort).sum() / max((weight * x**2).sum(), 1e-12)
-        squares = ((self.effort - ratio * x)**2).sum(axis=0)
-        evidence = 0.5 * (NOISE_WEIGHT + N) * np.log1p(squares / (NOISE_WEIGHT * self.floor**2))
-        noise = self._noise(self.effort - own * x)
+            weight = squares / self.floor**2
+            ratio[:] = weight @ own / weight.sum()
         causes = 1 if is_common else len(wrong)
+        error = ((self.effort - ratio * x)**2).sum(axis=0)
+        evidence = 0.5 * (NOISE_WEIGHT + N) * np.log1p(error / (NOISE_WEIGHT * self.floor**2))
+        noise = self._noise(self.effort - own * x)
         return Explanation(
-            gravity, own, noise / np.sqrt(np.maximum((x**2).sum(axis=0), 1e-12)), is_wrong,
+            gravity, own, noise / np.sqrt(squares), noise, is_wrong,
             float(evidence.sum() + SURPRISE * (causes + is_tilted)
-                  + 0.5 * (causes + 3 * is_tilted) * np.log(N)),
-            self._angle(gravity, spread) if is_tilted else (0.0, 0.0))
-
-    def _angle(self, gravity: FloatArray, spread: FloatArray) -> tuple[float, float]:
-        up = self.arm.gravity / np.linalg.norm(self.arm.gravity)
-        size = float(np.linalg.norm(gravity))
-        away = up - (up @ gravity) * gravity / size**2
-        away /= max(float(np.linalg.norm(away)), 1e-9)
-        return (float(np.arccos(np.clip(up @ gravity / size, -1.0, 1.0))),
-                float(np.sqrt(away @ spread @ away)) / size)
+                  + 0.5 * (causes + 3 * is_tilted) * np.log(N)), angle)
 
     def hypotheses(self, may_tilt: bool) -> Iterator[Explanation]:
         """Yield the explanations."""
         n = self.effort.shape[1]
-        sizes = range(n + 1) if n <= MOST_JOINTS else (0, 1, 2, n)
-        for size in sizes:
+        for size in range(n + 1) if n <= MOST_JOINTS else (0, 1, 2, n):
             for wrong in combinations(range(n), size):
                 yield self.explained(wrong, False)
                 if may_tilt and size < n:
