@@ -12,10 +12,10 @@ import numpy as np
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
-from robot_dynamics.urdf.yaml_text import dump_yaml
 from robot_dynamics_tools.gravity_calibration.holds import Hold
 from robot_dynamics_tools.reporting.figures import comparison_panels, joint_figure
 from robot_dynamics_tools.reporting.interactive import add_figure
+from robot_dynamics_tools.yaml_output import dump_yaml
 
 GOOD, CHECK, BAD, UNKNOWN = Grade.GOOD, Grade.CHECK, Grade.BAD, Grade.UNKNOWN
 Settings = dict[str, tuple[object, str]]
