@@ -23,8 +23,8 @@ def with_elements(
     """
     Return the URDF with new `<inertial>` of links, and attributes of elements of joints.
 
-    Other attributes of `<dynamics>` and `<limit>` are kept. The result declares UTF-8, and is to be
-    written in it. Raises ModelError if the text is not valid XML, is too large or has a DTD.
+    Other attributes of `<dynamics>` and `<limit>` are kept. The result declares UTF-8, and is to
+    be written in it. Raises ModelError if the text is not valid XML, is too large or has a DTD.
     """
     document = _parsed(urdf)
     robot = document.documentElement
