@@ -32,7 +32,7 @@ MP4_RATE = 30
 _COLOURS = 127
 """Colours of the palette of a GIF, without the one of unchanged pixels; few make small files."""
 _PAUSES = 4
-"""Number of frames whose colours are looked at because they are shown longest."""
+"""Number of the frames shown longest, whose colours the palette contains."""
 _LOOKED_AT = 16
 """Number of frames from which the palette is chosen."""
 _SHORTEST = 0.02
