@@ -31,6 +31,8 @@ MP4_RATE = 30
 """Frames per second of an MP4."""
 _COLOURS = 127
 """Colours of the palette of a GIF, without the one of unchanged pixels; few make small files."""
+_PAUSES = 4
+"""Number of the frames shown longest, whose colours the palette contains."""
 _LOOKED_AT = 16
 """Number of frames from which the palette is chosen."""
 _SHORTEST = 0.02
@@ -77,8 +79,9 @@ def write_video(path: Path, frames: Iterable[Frame]) -> int:
 def _write_gif(path: Path, first: Frame, others: Iterable[Frame]) -> int:
     image = optional('PIL.Image', 'a GIF')
     kept = [first, *others]
-    some = np.concatenate(
-        [frame.pixels for frame in kept[::max(1, len(kept) // _LOOKED_AT)]], axis=1)
+    pauses = sorted(kept, key=lambda frame: frame.seconds)[-_PAUSES:]
+    some = np.concatenate([frame.pixels for frame in (
+        *kept[::max(1, len(kept) // _LOOKED_AT)], *pauses)], axis=1)
     palette = image.fromarray(some).quantize(
         _COLOURS, method=image.Quantize.MAXCOVERAGE, dither=image.Dither.NONE)
     begin, *rest = (
