@@ -6,7 +6,7 @@ The drive check: whether the commanded torque acts at the joints.
 
 Each state costs one sum. At the end of an interval of 10 to 40 ms (`drive_samples`), the torque
 that the motion needs is compared with the command; only if they differ by more than friction,
-rotors and the model explain, the causes are compared (`drive_causes`). The verdicts
+rotors and the model explain, the causes are compared (`drive_comparison`). The verdicts
 (`drive_verdicts`) are computed when they are read, outside the control path.
 """
 
@@ -21,21 +21,20 @@ from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.model.regressor import GravityRegressor, LoadRegressor
 from robot_dynamics.monitoring.drive_causes import (
     Cause,
-    compare,
-    Comparison,
     DriveModel,
     GRAVITY,
     Joints,
     MODEL,
     REVERSED,
     SCALE,
-    SLOW,
 )
+from robot_dynamics.monitoring.drive_comparison import compare, Comparison
 from robot_dynamics.monitoring.drive_samples import (
     COUNT,
     DriveSamples,
     DriveWindow,
     LONGEST,
+    SLOW,
     smoothed,
     START,
     starts_at_rest,

@@ -22,11 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.monitoring.drive_samples import (
-    DriveWindow,
-    FIRST_INTERVAL,
-    INTERVAL,
-)
+from robot_dynamics.monitoring.drive_samples import DriveWindow, FIRST_INTERVAL, SLOW
 
 FRICTION = 0.03, 0.02
 """Dry friction of usual gearboxes as a fraction of the effort limit, and its deviation."""
@@ -48,8 +44,6 @@ DELAY = 0.004
 """[s] by which a command of a right drive may act late."""
 LATE = 0.3
 """Deviation of the delay of the first command by DELAY; brakes hold the arm before it acts."""
-SLOW = 0.02
-"""[rad/s] or [m/s] up to which dry friction has any value."""
 VIBRATES, LARGEST = 0.4, 1.2
 """
 Share of turns of the acceleration from which a joint vibrates, and torque by the effort limit that
@@ -59,12 +53,6 @@ STEADY = 0.5
 """Least distance by way of a joint that does not vibrate."""
 PUSH = 0.15
 """Deviation of a push as a fraction of the effort limit."""
-PUSH_ODDS = -7.0, 12.0
-"""
-Log odds of a push, against a wrong drive, within START and later.
-
-A push within 0.3 s of the first command is a coincidence; a drive does not become wrong later.
-"""
 LOAD_ODDS = 8.0
 """Log odds of an unknown load, against a wrong drive."""
 PUSH_RATE = 0.7
@@ -75,13 +63,7 @@ LOAD_REACH = 0.15
 """[m], deviation of the centre of mass of a load from the last link."""
 
 GOOD, PUSHED, LOADED, GRAVITY = 'agrees', 'a push or a contact', 'a load', 'adds gravity'
-RIGHT = GOOD, PUSHED, LOADED
 REVERSED, NO_EFFECT, SCALE, CLIPPED = 'reversed', 'no effect', 'command scale', 'clipped at'
-DELAYED = 'delayed by'
-DELAY_MARGIN = 40.0
-"""Log evidence that a delay needs more: loads and rotors in a fast motion look like one."""
-DELAYS = 0.03, 0.04, 0.06, 0.08
-"""[s]: shorter ones cannot be told from the model in samples of 40 ms."""
 GAINS = {REVERSED: (-1.0, 0.1), NO_EFFECT: (0.0, 0.03), SCALE: (1.5, 1.5)}
 """Mean and deviation of k of the causes that scale the command."""
 
@@ -89,8 +71,6 @@ LEAST_CLIP = 0.05
 """Least clipped torque as a fraction of the effort limit: less is no effect beyond friction."""
 CLIP = 0.1, 0.1
 """Mean and deviation of a clipped torque as a fraction of the effort limit."""
-AGAINST = 3.0
-"""Log evidence at a joint against a cause of the whole arm, or for it."""
 SCALES = 0.25 * np.arange(1, 25)
 """Scales of the command that are compared if the drive reaches its limit."""
 POOR = 2.0
@@ -327,99 +307,3 @@ class DriveModel:
         d = np.linalg.solve(P, h)
         evidence = -0.5 * (r @ r - h @ d + np.linalg.slogdet(P)[1])
         return float(evidence), (mean + spread * d)[-m:]
-
-
-class Comparison(NamedTuple):
-    """
-    All causes, the best first, the gains of the drives, and the doubt (n,); see `compare`.
-
-    The doubt is the log evidence of a reversed drive or none, beyond that of a right one.
-    """
-
-    causes: list[Cause]
-    gains: Fits
-    doubt: FloatArray
-
-    @property
-    def wrong(self) -> list[Cause]:
-        """The causes that are wrong drives."""
-        return [cause for cause in self.causes if cause.name not in RIGHT]
-
-    @property
-    def certainty(self) -> float:
-        """The log evidence of the best wrong drive beyond that of the best right cause."""
-        return self.wrong[0].evidence - max(
-            cause.evidence for cause in self.causes if cause.name in RIGHT)
-
-
-def compare(
-    model: DriveModel, columns: FloatArray, tilted: Cause, is_thorough: bool = False,
-) -> Comparison:
-    """
-    Return the comparison.
-
-    `columns` are those of `DriveModel.load`, `tilted` is the cause of `drive_tilt`.
-
-    `is_thorough` adds delays, and makes gains and doubt those of the whole motion.
-    """
-    window, u = model.window, model.window.commanded
-    gain = 1.0, MODEL
-    good, push = model.right(), PUSH_ODDS[0 if model.is_start else 1]
-    base = float(good.evidence.sum())
-    pushed = np.maximum(model.fit(u, gain, is_pushed=True).evidence, good.evidence)
-    gravity = model.fit(u, gain, window.needed - window.gravity)
-    found = [
-        Cause(GOOD, ALL, 0.0), Cause(PUSHED, ALL, push + float(pushed.sum()) - base),
-        Cause(LOADED, ALL, model.load(columns) - base),
-        Cause(GRAVITY, ALL, float(gravity.evidence.sum()) - base if (
-            model.explains_arm(gravity)) else -np.inf),
-        tilted._replace(evidence=tilted.evidence - base)]
-    doubt = np.full(len(good.gain), -np.inf)
-    for name, fits in (
-            *((name, model.fit(u, GAINS[name])) for name in (REVERSED, NO_EFFECT)),
-            (SCALE, model.scaled()), (CLIPPED, model.clipped())):
-        more = np.where(model.explains(fits), fits.evidence - good.evidence, -np.inf)
-        doubt = np.maximum(doubt, more)
-        found += [
-            Cause(name, j, float(more[j]), float(fits.gain[j]), float(fits.deviation[j]))
-            for j in range(len(more))]
-        found.append(Cause(name, ALL, float(np.maximum(more, -1e3).sum())))
-    if is_thorough:
-        good, doubt, late = _in_motion(model, columns)
-        right = max(cause.evidence for cause in found if cause.name in RIGHT)
-        found += [cause._replace(evidence=right - push + cause.evidence) for cause in late
-                  if not model.is_start]
-    return Comparison(sorted(found, key=lambda cause: -cause.evidence), good, doubt)
-
-
-def _in_motion(model: DriveModel, columns: FloatArray) -> tuple[Fits, FloatArray, list[Cause]]:
-    """
-    Return the fits of free gains, the doubt (n,), and the delays, compared with a push or load.
-
-    All samples in motion count: a contact does not look like a right drive.
-    """
-    window, u, right = model.window, model.window.commanded, (1.0, MODEL)
-    before = model.counts
-    model.only(model.moves)
-    good, free = model.right(), model.fit(u, GAINS[SCALE])
-    doubt = np.maximum(*(model.fit(u, GAINS[name]).evidence for name in (REVERSED, NO_EFFECT)))
-    doubt = np.where(model.explains(good), doubt, np.inf)
-    pushed = np.maximum(model.fit(u, right, is_pushed=True).evidence, good.evidence)
-    known = max(float(pushed.sum()), model.load(columns))
-    fits = [(d, model.fit(delayed(window.time, u, d), right)) for d in DELAYS]
-    late = [
-        Cause(DELAYED, ALL, float(one.evidence.sum()) - known - DELAY_MARGIN, d, 0.25 * INTERVAL)
-        for d, one in fits if model.explains_arm(one) and _iscommon(
-            one.evidence - good.evidence)]
-    model.only(before)
-    return free, doubt - good.evidence, late
-
-
-def _iscommon(more: FloatArray) -> bool:
-    """Return whether log evidence (n,) favours a cause at several joints, opposes it at none."""
-    return bool((more > -AGAINST).all() and (more > AGAINST).sum() >= min(3, len(more)))
-
-
-def delayed(time: FloatArray, command: FloatArray, delay: float) -> FloatArray:
-    """Return a command (k, n) at times (k,) [s], a delay [s] earlier."""
-    return np.stack([np.interp(time - delay, time, u) for u in command.T], axis=1)

@@ -32,6 +32,8 @@ The last one is in [rad/s] or [m/s]. The velocity of the first state is assumed 
 """
 AT_REST, LATE = 0.1, 0.008
 """[rad/s] or [m/s], and [s] by which the first command may act late."""
+SLOW = 0.02
+"""[rad/s] or [m/s] up to which dry friction has any value."""
 SMOOTHED = 5
 COUNT = 80
 """Samples in the window, at least 2 s."""

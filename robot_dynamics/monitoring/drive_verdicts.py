@@ -17,10 +17,6 @@ from robot_dynamics.monitoring.drive_causes import (
     ALL,
     Cause,
     CLIPPED,
-    Comparison,
-    DELAYED,
-    delayed,
-    DELAYS,
     GAINS,
     GRAVITY,
     Joints,
@@ -28,6 +24,7 @@ from robot_dynamics.monitoring.drive_causes import (
     REVERSED,
     SCALE,
 )
+from robot_dynamics.monitoring.drive_comparison import Comparison, DELAYED, delayed, DELAYS
 from robot_dynamics.monitoring.drive_samples import DriveWindow
 from robot_dynamics.monitoring.drive_tilt import TILTED
 
