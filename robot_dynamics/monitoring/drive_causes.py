@@ -42,7 +42,7 @@ SPEED_NOISE = 0.003
 """[rad/s] or [m/s], deviation of a velocity."""
 DELAY = 0.004
 """[s] by which a command of a right drive may act late."""
-LATE = 0.3
+LATE = 0.5
 """Deviation of the delay of the first command by DELAY; brakes hold the arm before it acts."""
 VIBRATES, LARGEST = 0.4, 1.2
 """
@@ -62,7 +62,8 @@ LOAD = 0.15
 LOAD_REACH = 0.15
 """[m], deviation of the centre of mass of a load from the last link."""
 
-GOOD, PUSHED, LOADED, GRAVITY = 'agrees', 'a push or a contact', 'a load', 'adds gravity'
+GOOD, PUSHED, LOADED, MISSING = 'agrees', 'a push or a contact', 'a load', 'a missing load'
+GRAVITY = 'adds gravity'
 REVERSED, NO_EFFECT, SCALE, CLIPPED = 'reversed', 'no effect', 'command scale', 'clipped at'
 GAINS = {REVERSED: (-1.0, 0.1), NO_EFFECT: (0.0, 0.03), SCALE: (1.5, 1.5)}
 """Mean and deviation of k of the causes that scale the command."""
@@ -71,6 +72,8 @@ LEAST_CLIP = 0.05
 """Least clipped torque as a fraction of the effort limit: less is no effect beyond friction."""
 CLIP = 0.1, 0.1
 """Mean and deviation of a clipped torque as a fraction of the effort limit."""
+AGAINST = 3.0
+"""Log evidence against a value, or at a joint against a cause of the whole arm, or for it."""
 SCALES = 0.25 * np.arange(1, 25)
 """Scales of the command that are compared if the drive reaches its limit."""
 POOR = 2.0
@@ -93,6 +96,11 @@ class Cause(NamedTuple):
     value: float = 0.0
     deviation: float = 0.0
     gravity: tuple[float, ...] = ()
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether the data show only that the value is not less."""
+        return not np.isfinite(self.deviation)
 
 
 class Fits(NamedTuple):
@@ -133,21 +141,21 @@ class DriveModel:
     """The samples of a window, ready for the comparison of causes."""
 
     def __init__(
-        self, window: DriveWindow, joints: Joints, is_start: bool,
+        self, window: DriveWindow, joints: Joints, moved_at_once: BoolArray,
     ) -> None:
         """
         Take a window of samples.
 
         Samples in which the motion needs no torque beyond g(q) say nothing, because a contact may
-        hold the arm, unless `is_start`: then the arm has just been released.
+        hold the arm, unless it is a start: the first command `moved_at_once` some joints (n,).
         """
         self.window, self.joints, limit = window, joints, joints.limit
-        self.is_start = is_start
+        self.moved_at_once, self.is_start = moved_at_once, bool(moved_at_once.any())
         sign = np.where(np.abs(window.velocity) > SLOW, np.sign(window.velocity), 0.0)
         passed = np.diff(window.time)
         duration = np.maximum(np.append(passed[:1], passed) if len(passed) else np.array(
             [FIRST_INTERVAL]), 1e-3)[:, np.newaxis]
-        held = is_start * DELAY / duration * (window.needed - window.gravity)
+        held = self.is_start * DELAY / duration * (window.needed - window.gravity)
         held[1:] = 0.0  # brakes hold the arm until the first command acts
         self._passive = np.stack((-sign, -window.acceleration, -held), axis=-1)
         late = np.abs(np.diff(window.commanded, axis=0, prepend=window.commanded[:1]))
@@ -166,7 +174,7 @@ class DriveModel:
         steady = np.abs(way.cumsum(axis=0)) > STEADY * np.abs(way).cumsum(axis=0)
         accelerates = np.abs(window.needed - window.gravity) > joints.visible
         counts = self.moves & steady
-        if not is_start:
+        if not self.is_start:
             counts &= accelerates
         else:  # friction at rest is one value, whatever the number of samples
             error = np.abs(window.needed[-1] - window.commanded[-1])
@@ -243,8 +251,8 @@ class DriveModel:
         """
         Return the fits of a scaled command.
 
-        Scales at which the drive reaches its limit are compared one by one: the data may show
-        only that the scale is not less.
+        Scales at which the drive reaches its limit are compared one by one. If the data show only
+        that a scale is not less, it has the deviation ∞.
         """
         u, limit, (mean, spread) = self.window.commanded, self.joints.limit, GAINS[SCALE]
         fits = self.fit(u, GAINS[SCALE])
@@ -252,14 +260,19 @@ class DriveModel:
         if (largest + self.joints.visible < limit).all():
             return fits
         k = np.sign(fits.gain) * SCALES[:, np.newaxis]
-        evidence = np.stack([self.fit(np.clip(x * u, -limit, limit), (1.0, MODEL)).evidence
-                             for x in k]) - 0.5 * ((k - mean) / spread)**2
+        likelihood = np.stack([self.fit(np.clip(x * u, -limit, limit), (1.0, MODEL)).evidence
+                               for x in k])
+        evidence = likelihood - 0.5 * ((k - mean) / spread)**2
         weight = np.exp(evidence - evidence.max(axis=0))
         volume = weight.sum(axis=0)
         gain = (weight * k).sum(axis=0) / volume
         deviation = np.sqrt((weight * (k - gain)**2).sum(axis=0) / volume)
-        return Fits(evidence.max(axis=0) + np.log(
-            volume * SCALES[0] / (spread * np.sqrt(2.0 * np.pi))), gain, deviation, fits.rotor)
+        is_bound = deviation > 1.5 * MODEL * np.abs(gain)
+        possible = likelihood > likelihood.max(axis=0) - AGAINST
+        least = k[possible.argmax(axis=0), range(len(gain))]
+        return Fits(
+            evidence.max(axis=0) + np.log(volume * SCALES[0] / (spread * np.sqrt(2.0 * np.pi))),
+            np.where(is_bound, least, gain), np.where(is_bound, np.inf, deviation), fits.rotor)
 
     def clipped(self) -> Fits:
         """Return the fits of a torque that is clipped; their gain is the clipped torque (n,)."""
@@ -275,17 +288,18 @@ class DriveModel:
         return Fits(np.where(at < largest, fits.evidence - volume, -np.inf), at, limit * (
             first.deviation), fits.rotor)
 
-    def load(self, columns: FloatArray) -> float:
+    def load(self, columns: FloatArray) -> Cause:
         """
-        Return the log evidence of a load; `columns` (k, n, 4) are torques per m and m c.
+        Return the cause of a load, or of one that only the model has, which is rarer.
 
-        A negative mass is that of a tool that the model has and the arm has not, which is rarer.
+        `columns` (k, n, 4) are torques per m and m c.
         """
         reach = np.array((1.0, *3 * (LOAD_REACH,)))
         lever = (np.abs(columns) * reach / self.joints.limit[:, np.newaxis]).max(initial=1e-9)
         heaviest = LOAD / lever
         evidence, (mass, *_) = self.common(-columns, heaviest * reach)
-        return evidence + (LOAD_ODDS if mass > -0.5 * heaviest else 0.0)
+        return Cause(MISSING, ALL, evidence) if mass < -0.5 * heaviest else Cause(
+            LOADED, ALL, evidence + LOAD_ODDS)
 
     def common(self, columns: FloatArray, spread: FloatArray) -> tuple[float, FloatArray]:
         """

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.monitoring.drive_causes import (
+    AGAINST,
     ALL,
     Cause,
     CLIPPED,
@@ -26,19 +27,18 @@ from robot_dynamics.monitoring.drive_causes import (
 from robot_dynamics.monitoring.drive_samples import INTERVAL
 
 RIGHT = GOOD, PUSHED, LOADED
-PUSH_ODDS = -7.0, 12.0
+PUSH_ODDS = -9.0, 12.0
 """
 Log odds of a push, against a wrong drive, within START and later.
 
-A push within 0.3 s of the first command is a coincidence; a drive does not become wrong later.
+A push at the first command is a coincidence, such as each further scale at another joint; a drive
+does not become wrong later.
 """
 DELAYED = 'delayed by'
 DELAY_MARGIN = 40.0
 """Log evidence that a delay needs more: loads and rotors in a fast motion look like one."""
 DELAYS = 0.03, 0.04, 0.06, 0.08
 """[s]: shorter ones cannot be told from the model in samples of 40 ms."""
-AGAINST = 3.0
-"""Log evidence at a joint against a cause of the whole arm, or for it."""
 
 
 class Comparison(NamedTuple):
@@ -63,6 +63,11 @@ class Comparison(NamedTuple):
         return self.wrong[0].evidence - max(
             cause.evidence for cause in self.causes if cause.name in RIGHT)
 
+    def at_joint(self, cause: Cause, j: int) -> Cause:
+        """Return the same cause with its value at one joint."""
+        return next(
+            (one for one in self.causes if one.name == cause.name and one.joint == j), cause)
+
 
 def compare(
     model: DriveModel, columns: FloatArray, tilted: Cause, is_thorough: bool = False,
@@ -79,10 +84,10 @@ def compare(
     good, push = model.right(), PUSH_ODDS[0 if model.is_start else 1]
     base = float(good.evidence.sum())
     pushed = np.maximum(model.fit(u, gain, is_pushed=True).evidence, good.evidence)
-    gravity = model.fit(u, gain, window.needed - window.gravity)
+    gravity, load = model.fit(u, gain, window.needed - window.gravity), model.load(columns)
     found = [
         Cause(GOOD, ALL, 0.0), Cause(PUSHED, ALL, push + float(pushed.sum()) - base),
-        Cause(LOADED, ALL, model.load(columns) - base),
+        load._replace(evidence=load.evidence - base),
         Cause(GRAVITY, ALL, float(gravity.evidence.sum()) - base if (
             model.explains_arm(gravity)) else -np.inf),
         tilted._replace(evidence=tilted.evidence - base)]
@@ -91,11 +96,15 @@ def compare(
             *((name, model.fit(u, GAINS[name])) for name in (REVERSED, NO_EFFECT)),
             (SCALE, model.scaled()), (CLIPPED, model.clipped())):
         more = np.where(model.explains(fits), fits.evidence - good.evidence, -np.inf)
+        if model.is_start:
+            more = np.where(model.moved_at_once, more, np.minimum(more, 0.0))
         doubt = np.maximum(doubt, more)
         found += [
             Cause(name, j, float(more[j]), float(fits.gain[j]), float(fits.deviation[j]))
             for j in range(len(more))]
-        found.append(Cause(name, ALL, float(np.maximum(more, -1e3).sum())))
+        others = max(0, int((more > AGAINST).sum()) - 1) if name in (SCALE, CLIPPED) else 0
+        found.append(Cause(
+            name, ALL, float(np.maximum(more, -1e3).sum()) + others * PUSH_ODDS[0]))
     if is_thorough:
         good, doubt, late = _in_motion(model, columns)
         right = max(cause.evidence for cause in found if cause.name in RIGHT)
@@ -117,7 +126,7 @@ def _in_motion(model: DriveModel, columns: FloatArray) -> tuple[Fits, FloatArray
     doubt = np.maximum(*(model.fit(u, GAINS[name]).evidence for name in (REVERSED, NO_EFFECT)))
     doubt = np.where(model.explains(good), doubt, np.inf)
     pushed = np.maximum(model.fit(u, right, is_pushed=True).evidence, good.evidence)
-    known = max(float(pushed.sum()), model.load(columns))
+    known = max(float(pushed.sum()), model.load(columns).evidence)
     fits = [(d, model.fit(delayed(window.time, u, d), right)) for d in DELAYS]
     late = [
         Cause(DELAYED, ALL, float(one.evidence.sum()) - known - DELAY_MARGIN, d, 0.25 * INTERVAL)

@@ -15,7 +15,7 @@ y is the torque of the drive minus dry friction, loads and contacts that the mod
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 
 START = 0.3
@@ -30,8 +30,11 @@ Relative errors of mean velocities with which the first and later samples count,
 
 The last one is in [rad/s] or [m/s]. The velocity of the first state is assumed to be 0.
 """
-AT_REST, LATE = 0.1, 0.008
-"""[rad/s] or [m/s], and [s] by which the first command may act late."""
+AT_REST, AT_ONCE = 0.1, 0.04
+"""
+[rad/s] or [m/s] up to which an arm is at rest at the first command, and [s] in which it then moves
+if a drive is wrong: a right drive bears it, and what moves it later is a push or a contact.
+"""
 SLOW = 0.02
 """[rad/s] or [m/s] up to which dry friction has any value."""
 SMOOTHED = 5
@@ -88,6 +91,9 @@ class DriveSamples:
         """Number of samples since the first command."""
         self.start = -np.inf
         """Time [s] of the first command."""
+        self.moved_at_once: BoolArray = np.zeros(n, dtype=bool)
+        """Which joints (n,) the first command has moved, if the arm was at rest."""
+        self._was_at_rest = False
         self.due = -np.inf
         """Time [s] from which a state ends the interval."""
         self.commands: list[FloatArray] = []
@@ -104,9 +110,11 @@ class DriveSamples:
         self._first: _Begin | None = None
         self._skips = True
 
-    def begin(self, time: float) -> None:
-        """Begin at the first command, at a time [s]."""
+    def begin(self, time: float, v: FloatArray) -> None:
+        """Begin at the first command, at a time [s], with velocities v (n,)."""
         self.start, self.count = time, 0
+        self._was_at_rest = bool((np.abs(v) < AT_REST).all())
+        self.moved_at_once = np.zeros_like(self.moved_at_once)
         self.restart()
         self._skips = False  # an arm at rest has the velocity 0 of a first state
 
@@ -155,6 +163,8 @@ class DriveSamples:
             return False
         T, mean = time - first.time, 0.5 * (first.v + v)
         moved = (q - first.q) / T
+        if time <= self.start + AT_ONCE and self._was_at_rest:
+            self.moved_at_once = self.moved_at_once | (np.abs(moved) > SLOW)
         relative = AGREEMENT[0 if self.count == 0 else 1]
         if (np.abs(moved - mean) > relative * np.abs(moved) + AGREEMENT[2]).any():
             return False  # the velocities are not those of the positions
@@ -193,11 +203,3 @@ def smoothed(acceleration: FloatArray) -> FloatArray:
     ones = np.ones(min(SMOOTHED, len(acceleration)))
     count = np.convolve(np.ones(len(acceleration)), ones, 'same')
     return np.stack([np.convolve(a, ones, 'same') / count for a in acceleration.T], axis=1)
-
-
-def starts_at_rest(window: DriveWindow, start: float) -> bool:
-    """Return whether the arm was at rest at the first command, and not moved by hand."""
-    passed = np.diff(window.time[:2]).sum() if len(window.time) > 1 else FIRST_INTERVAL
-    a = window.acceleration[0]
-    v = window.velocity[0] - a * (window.time[0] - 0.5 * passed - start)
-    return bool((np.abs(v) < AT_REST + LATE * np.abs(a)).all())
