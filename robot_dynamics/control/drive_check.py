@@ -163,7 +163,8 @@ class DriveCheck:
                 wrong is not None and not wrong.cause.is_bound):
             return None
         is_start = self._is_start(time)
-        if not is_start and (samples.count % LATER or not self._controller.laws.follows):
+        if not is_start and samples.count % LATER or not (
+                self._controller.laws.follows or is_start and samples.moves_at_once):
             return None
         window = samples.window(COUNT if is_start else RECENT)
         try:
@@ -194,14 +195,15 @@ class DriveCheck:
         return bool((error > self._friction).any())
 
     def _is_start(self, time: float) -> bool:
-        """Return whether a time [s] is within START, and the first command has moved the arm."""
-        return time <= self.samples.start + START and bool(self.samples.moved_at_once.any())
+        """Return whether a time [s] is within START of the first motion."""
+        return self.samples.moved_since <= time <= self.samples.settled
 
     def _compare(self, window: DriveWindow, is_start: bool, user: int) -> Comparison:
         motion = window.position, window.velocity, smoothed(window.acceleration)
         gravity = self._controller.dynamics.arm.pinocchio_model.gravity.linear
-        at_once = self.samples.moved_at_once
-        model = DriveModel(window, self.joints, at_once & is_start)
+        samples, none = self.samples, np.zeros(self._n, dtype=bool)
+        model = DriveModel(
+            window, self.joints, samples.moved_first if is_start else none, samples.moves_at_once)
         return compare(
             model, self._loads[user](*motion)[..., :4],
             tilted(model, self._gravities[user](*motion), np.array(gravity)), user == 1)
@@ -233,14 +235,15 @@ class DriveCheck:
         found: dict[int, Verdict], right: dict[int, Verdict],
     ) -> None:
         """Add the verdicts of a window of samples with a command."""
-        first = window.between(start, start + START)
+        settled = self.samples.settled
+        first = window.between(start, settled)
         if wrong is not None:
             is_start = self._is_start(wrong.time)
             window = window.between(start if is_start else wrong.time - 2.0 * NAMING,
                                     wrong.time + NAMING)
         else:
             is_start = len(first.time) > 0 and self._is_start(window.time[-1] - START)
-            window = first if is_start else window.between(start + START, np.inf)
+            window = first if is_start else window.between(settled, np.inf)
         if len(window.time) == 0:
             return
         comparison = self._compare(window, is_start, 1)

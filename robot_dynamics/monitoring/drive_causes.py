@@ -141,16 +141,17 @@ class DriveModel:
     """The samples of a window, ready for the comparison of causes."""
 
     def __init__(
-        self, window: DriveWindow, joints: Joints, moved_at_once: BoolArray,
+        self, window: DriveWindow, joints: Joints, moved_first: BoolArray, at_once: bool,
     ) -> None:
         """
         Take a window of samples.
 
         Samples in which the motion needs no torque beyond g(q) say nothing, because a contact may
-        hold the arm, unless it is a start: the first command `moved_at_once` some joints (n,).
+        hold the arm, unless it is a start: some joints (n,) `moved_first`, perhaps `at_once`.
         """
         self.window, self.joints, limit = window, joints, joints.limit
-        self.moved_at_once, self.is_start = moved_at_once, bool(moved_at_once.any())
+        self.moved_first, self.at_once = moved_first, at_once
+        self.is_start = bool(moved_first.any())
         sign = np.where(np.abs(window.velocity) > SLOW, np.sign(window.velocity), 0.0)
         passed = np.diff(window.time)
         duration = np.maximum(np.append(passed[:1], passed) if len(passed) else np.array(

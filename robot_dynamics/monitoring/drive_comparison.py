@@ -27,9 +27,9 @@ from robot_dynamics.monitoring.drive_causes import (
 from robot_dynamics.monitoring.drive_samples import INTERVAL
 
 RIGHT = GOOD, PUSHED, LOADED
-PUSH_ODDS = -9.0, 12.0
+PUSH_ODDS = -9.0, 0.0, 12.0
 """
-Log odds of a push, against a wrong drive, within START and later.
+Log odds of a push, against a wrong drive: at the first command, within START, and later.
 
 A push at the first command is a coincidence, such as each further scale at another joint; a drive
 does not become wrong later.
@@ -81,7 +81,8 @@ def compare(
     """
     window, u = model.window, model.window.commanded
     gain = 1.0, MODEL
-    good, push = model.right(), PUSH_ODDS[0 if model.is_start else 1]
+    good, push = model.right(), PUSH_ODDS[0 if model.is_start and model.at_once else (
+        1 if model.is_start else 2)]
     base = float(good.evidence.sum())
     pushed = np.maximum(model.fit(u, gain, is_pushed=True).evidence, good.evidence)
     gravity, load = model.fit(u, gain, window.needed - window.gravity), model.load(columns)
@@ -97,7 +98,7 @@ def compare(
             (SCALE, model.scaled()), (CLIPPED, model.clipped())):
         more = np.where(model.explains(fits), fits.evidence - good.evidence, -np.inf)
         if model.is_start:
-            more = np.where(model.moved_at_once, more, np.minimum(more, 0.0))
+            more = np.where(model.moved_first, more, np.minimum(more, 0.0))
         doubt = np.maximum(doubt, more)
         found += [
             Cause(name, j, float(more[j]), float(fits.gain[j]), float(fits.deviation[j]))

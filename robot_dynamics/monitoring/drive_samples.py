@@ -18,8 +18,8 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 
-START = 0.3
-"""[s] after the first command in which the drives are not known."""
+START = 0.2
+"""[s] after the first motion in which the drives are not known."""
 INTERVAL, FIRST_INTERVAL = 0.04, 0.01
 """[s], at least, of a sample, and of one within START."""
 LONGEST = 0.1
@@ -33,7 +33,7 @@ The last one is in [rad/s] or [m/s]. The velocity of the first state is assumed 
 AT_REST, AT_ONCE = 0.1, 0.04
 """
 [rad/s] or [m/s] up to which an arm is at rest at the first command, and [s] in which it then moves
-if a drive is wrong: a right drive bears it, and what moves it later is a push or a contact.
+if a drive is wrong: what moves it later are pushes, contacts, or brakes that release it late.
 """
 SLOW = 0.02
 """[rad/s] or [m/s] up to which dry friction has any value."""
@@ -91,8 +91,10 @@ class DriveSamples:
         """Number of samples since the first command."""
         self.start = -np.inf
         """Time [s] of the first command."""
-        self.moved_at_once: BoolArray = np.zeros(n, dtype=bool)
-        """Which joints (n,) the first command has moved, if the arm was at rest."""
+        self.moved_first: BoolArray = np.zeros(n, dtype=bool)
+        """Which joints (n,) have moved within AT_ONCE after the first one, if it was at rest."""
+        self.moved_since = np.inf
+        """Time [s] at which the first joint has moved."""
         self._was_at_rest = False
         self.due = -np.inf
         """Time [s] from which a state ends the interval."""
@@ -114,7 +116,7 @@ class DriveSamples:
         """Begin at the first command, at a time [s], with velocities v (n,)."""
         self.start, self.count = time, 0
         self._was_at_rest = bool((np.abs(v) < AT_REST).all())
-        self.moved_at_once = np.zeros_like(self.moved_at_once)
+        self.moved_first, self.moved_since = np.zeros_like(self.moved_first), np.inf
         self.restart()
         self._skips = False  # an arm at rest has the velocity 0 of a first state
 
@@ -163,8 +165,10 @@ class DriveSamples:
             return False
         T, mean = time - first.time, 0.5 * (first.v + v)
         moved = (q - first.q) / T
-        if time <= self.start + AT_ONCE and self._was_at_rest:
-            self.moved_at_once = self.moved_at_once | (np.abs(moved) > SLOW)
+        if self._was_at_rest and time <= min(self.moved_since, self.start + START) + AT_ONCE:
+            self.moved_first = self.moved_first | (np.abs(moved) > SLOW)
+            if self.moved_first.any():
+                self.moved_since = min(self.moved_since, time)
         relative = AGREEMENT[0 if self.count == 0 else 1]
         if (np.abs(moved - mean) > relative * np.abs(moved) + AGREEMENT[2]).any():
             return False  # the velocities are not those of the positions
@@ -188,8 +192,18 @@ class DriveSamples:
         self.commands.clear()
         self.since.clear()
         self.due = time - 1e-6 + (
-            FIRST_INTERVAL if time < self.start + START else INTERVAL)
+            FIRST_INTERVAL if time < self.settled else INTERVAL)
         return now
+
+    @property
+    def settled(self) -> float:
+        """The time [s] START after the first motion, or after the first command without one."""
+        return START + (self.moved_since if np.isfinite(self.moved_since) else self.start)
+
+    @property
+    def moves_at_once(self) -> bool:
+        """Whether the first command has moved an arm that was at rest."""
+        return self.moved_since <= self.start + AT_ONCE
 
     def window(self, most: int = COUNT) -> DriveWindow:
         """Return the last samples, at most `most`, in the order of time."""
