@@ -58,10 +58,9 @@ class Comparison(NamedTuple):
         return [cause for cause in self.causes if cause.name not in RIGHT]
 
     @property
-    def certainty(self) -> float:
-        """The log evidence of the best wrong drive beyond that of the best right cause."""
-        return self.wrong[0].evidence - max(
-            cause.evidence for cause in self.causes if cause.name in RIGHT)
+    def right(self) -> float:
+        """The log evidence of the best right cause."""
+        return max(cause.evidence for cause in self.causes if cause.name in RIGHT)
 
     def at_joint(self, cause: Cause, j: int) -> Cause:
         """Return the same cause with its value at one joint."""
@@ -108,8 +107,8 @@ def compare(
             name, ALL, float(np.maximum(more, -1e3).sum()) + others * PUSH_ODDS[0]))
     if is_thorough:
         good, doubt, late = _in_motion(model, columns)
-        right = max(cause.evidence for cause in found if cause.name in RIGHT)
-        found += [cause._replace(evidence=right - push + cause.evidence) for cause in late
+        right = Comparison(found, good, doubt).right - push
+        found += [cause._replace(evidence=right + cause.evidence) for cause in late
                   if not model.is_start]
     return Comparison(sorted(found, key=lambda cause: -cause.evidence), good, doubt)
 

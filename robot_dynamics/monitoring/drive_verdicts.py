@@ -81,11 +81,9 @@ def candidates(found: Comparison, joint: int | None = None) -> list[Cause]:
 
     `joint` is the number of the joint whose drive is known to be wrong, or ALL, None if unknown.
     """
-    if found.certainty < CERTAIN:
-        return []
     wrong = [cause for cause in found.wrong if joint in (None, cause.joint)]
     best, similar = wrong[0], dict[str, Cause]()
-    if best.name == MISSING:
+    if best.name == MISSING or best.evidence < found.right + CERTAIN:
         return []
     for cause in wrong:
         if cause.evidence > best.evidence - SIMILAR and (
