@@ -160,7 +160,7 @@ class DriveCheck:
         samples.command(time, effort)
         wrong = self.wrong
         if not is_new or not self._is_commanded or not self._is_suspicious(*samples.last) or (
-                wrong is not None and not wrong.cause.is_bound):
+                wrong is not None and wrong.cause.name != SCALE):
             return None
         is_start = self._is_start(time)
         if not is_start and samples.count % LATER or not (

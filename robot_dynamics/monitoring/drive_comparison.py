@@ -96,12 +96,11 @@ def compare(
             *((name, model.fit(u, GAINS[name])) for name in (REVERSED, NO_EFFECT)),
             (SCALE, model.scaled()), (CLIPPED, model.clipped())):
         more = np.where(model.explains(fits), fits.evidence - good.evidence, -np.inf)
-        if model.is_start:
-            more = np.where(model.moved_first, more, np.minimum(more, 0.0))
         doubt = np.maximum(doubt, more)
+        own = np.where(model.moved_first | (not model.is_start), more, np.minimum(more, 0.0))
         found += [
-            Cause(name, j, float(more[j]), float(fits.gain[j]), float(fits.deviation[j]))
-            for j in range(len(more))]
+            Cause(name, j, float(own[j]), float(fits.gain[j]), float(fits.deviation[j]))
+            for j in range(len(own))]
         others = max(0, int((more > AGAINST).sum()) - 1) if name in (SCALE, CLIPPED) else 0
         found.append(Cause(
             name, ALL, float(np.maximum(more, -1e3).sum()) + others * PUSH_ODDS[0]))

@@ -81,10 +81,11 @@ def candidates(found: Comparison, joint: int | None = None) -> list[Cause]:
 
     `joint` is the number of the joint whose drive is known to be wrong, or ALL, None if unknown.
     """
+    first = found.wrong[0]
+    if first.name == MISSING or first.evidence < found.right + CERTAIN:
+        return []
     wrong = [cause for cause in found.wrong if joint in (None, cause.joint)]
     best, similar = wrong[0], dict[str, Cause]()
-    if best.name == MISSING or best.evidence < found.right + CERTAIN:
-        return []
     for cause in wrong:
         if cause.evidence > best.evidence - SIMILAR and (
                 cause.joint in (best.joint, ALL) or best.joint == ALL):
