@@ -105,12 +105,12 @@ def causes_verdicts(found: Comparison, causes: list[Cause]) -> dict[int, Verdict
     """Return the verdicts of causes that explain the data, by joint; see `candidates`."""
     if not causes:
         return {}
-    best = causes[0]
-    joints = range(len(found.doubt)) if best.joint == ALL else [best.joint]
+    best, at_one = causes[0], [cause.joint for cause in causes if cause.joint != ALL]
+    joints = at_one[:1] or range(len(found.doubt))
     verdicts = {}
     for j in joints:
         own = [found.at_joint(cause, j) for cause in causes]
-        if best.joint == ALL and best.name not in (GRAVITY, DELAYED, TILTED) and (
+        if not at_one and best.name not in (GRAVITY, DELAYED, TILTED) and (
                 own[0].evidence < SIMILAR):
             continue
         words = [_word(cause) for cause in own]
