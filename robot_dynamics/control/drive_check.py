@@ -81,7 +81,7 @@ def _at_joints(output: ControlOutput, command: FloatArray) -> FloatArray:
 
 def _share(causes: list[Cause]) -> float:
     """Return the share of the effort that holds a joint, 0 if its drive may turn it to a motor."""
-    scale = causes[0].value if causes[0].name == SCALE and len(causes) == 1 else 0.0
+    scale = causes[0].value if causes[0].name == SCALE else 0.0
     if scale > 1.0:
         return 1.0 / scale
     is_motor = any(one.name in (REVERSED, GRAVITY) or one.name == SCALE and not (
@@ -175,7 +175,7 @@ class DriveCheck:
         if not found or wrong is not None and found[0].is_bound:
             return None
         verdicts = causes_verdicts(comparison, found)
-        self._found.update(verdicts)
+        self._found = dict(verdicts)
         self.wrong = WrongDrive(time if wrong is None else wrong.time, found[0])
         return self._fault(comparison, found, verdicts)
 

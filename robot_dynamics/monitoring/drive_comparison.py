@@ -31,7 +31,7 @@ PUSH_ODDS = -9.0, 0.0, 12.0
 """
 Log odds of a push, against a wrong drive: at the first command, within START, and later.
 
-A push at the first command is a coincidence, such as each further scale at another joint; a drive
+A push at the first command is a coincidence, such as each further scale that differs; a drive
 does not become wrong later.
 """
 DELAYED = 'delayed by'
@@ -101,15 +101,21 @@ def compare(
         found += [
             Cause(name, j, float(own[j]), float(fits.gain[j]), float(fits.deviation[j]))
             for j in range(len(own))]
-        others = max(0, int((more > AGAINST).sum()) - 1) if name in (SCALE, CLIPPED) else 0
-        found.append(Cause(
-            name, ALL, float(np.maximum(more, -1e3).sum()) + others * PUSH_ODDS[0]))
+        found.append(Cause(name, ALL, float(np.maximum(more, -1e3).sum()) + (
+            _count_others(more, fits) * PUSH_ODDS[0] if name in (SCALE, CLIPPED) else 0.0)))
     if is_thorough:
         good, doubt, late = _in_motion(model, columns)
         right = Comparison(found, good, doubt).right - push
         found += [cause._replace(evidence=right + cause.evidence) for cause in late
                   if not model.is_start]
     return Comparison(sorted(found, key=lambda cause: -cause.evidence), good, doubt)
+
+
+def _count_others(more: FloatArray, fits: Fits) -> int:
+    """Return at how many joints log evidence (n,) shows another value than at the best one."""
+    best = int(np.argmax(more))
+    error = 2.0 * (fits.deviation + fits.deviation[best])
+    return int(((more > AGAINST) & (np.abs(fits.gain - fits.gain[best]) > error)).sum())
 
 
 def _in_motion(model: DriveModel, columns: FloatArray) -> tuple[Fits, FloatArray, list[Cause]]:

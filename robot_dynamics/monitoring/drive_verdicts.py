@@ -105,17 +105,15 @@ def causes_verdicts(found: Comparison, causes: list[Cause]) -> dict[int, Verdict
     """Return the verdicts of causes that explain the data, by joint; see `candidates`."""
     if not causes:
         return {}
-    best, at_one = causes[0], [cause.joint for cause in causes if cause.joint != ALL]
-    joints = at_one[:1] or range(len(found.doubt))
-    verdicts = {}
-    for j in joints:
-        own = [found.at_joint(cause, j) for cause in causes]
-        if not at_one and best.name not in (GRAVITY, DELAYED, TILTED) and (
-                own[0].evidence < SIMILAR):
+    best, verdicts = causes[0], {}
+    for j in range(len(found.doubt)) if best.joint == ALL else [best.joint]:
+        if found.at_joint(best, j).evidence < SIMILAR:
             continue
-        words = [_word(cause) for cause in own]
+        own = [one for one in (found.at_joint(cause, j) for cause in causes)
+               if one.evidence >= SIMILAR]
+        words = [_word(cause) for cause in own] + [AGREES] * (len(own) < len(causes))
         sentence = '; '.join(_sentence(cause) for cause in own)
-        verdicts[j] = Verdict(words[0], sentence) if len(own) == 1 and not (
+        verdicts[j] = Verdict(words[0], sentence) if len(words) == 1 and not (
             own[0].is_bound) else Verdict(
             f'unclear: {" or ".join(words)}',
             f'{sentence}; a motion with other torques at this joint separates them')
