@@ -6,7 +6,7 @@ The drive check: whether the commanded torque acts at the joints.
 
 Each state costs one sum. At the end of an interval of 10 to 40 ms (`drive_samples`), the torque
 that the motion needs is compared with the command; only if they differ by more than friction,
-rotors and the model explain, the causes are compared (`drive_causes`). The verdicts
+rotors and the model explain, the causes are compared (`drive_comparison`). The verdicts
 (`drive_verdicts`) are computed when they are read, outside the control path.
 """
 
@@ -21,24 +21,22 @@ from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.model.regressor import GravityRegressor, LoadRegressor
 from robot_dynamics.monitoring.drive_causes import (
     Cause,
-    compare,
-    Comparison,
     DriveModel,
     GRAVITY,
     Joints,
     MODEL,
     REVERSED,
     SCALE,
-    SLOW,
 )
+from robot_dynamics.monitoring.drive_comparison import compare, Comparison
 from robot_dynamics.monitoring.drive_samples import (
     COUNT,
     DriveSamples,
     DriveWindow,
     LONGEST,
+    SLOW,
     smoothed,
     START,
-    starts_at_rest,
 )
 from robot_dynamics.monitoring.drive_tilt import tilted
 from robot_dynamics.monitoring.drive_verdicts import (
@@ -79,6 +77,16 @@ def _at_joints(output: ControlOutput, command: FloatArray) -> FloatArray:
     """Return the torque (n,) that right drives deliver for a command."""
     torque = command if output.drive is None else output.drive.torque(command)
     return np.asarray(torque + output.robot.gravity + output.robot.friction)
+
+
+def _share(causes: list[Cause]) -> float:
+    """Return the share of the effort that holds a joint, 0 if its drive may turn it to a motor."""
+    scale = causes[0].value if causes[0].name == SCALE else 0.0
+    if scale > 1.0:
+        return 1.0 / scale
+    is_motor = any(one.name in (REVERSED, GRAVITY) or one.name == SCALE and not (
+        0.0 <= one.value <= 1.0) for one in causes)
+    return 0.0 if is_motor else 1.0
 
 
 class DriveCheck:
@@ -139,7 +147,7 @@ class DriveCheck:
             self._is_commanded, self.wrong = True, None
             self._found, self._right = {}, {}
             self.soft_until = time + SOFT_TIME + SOFT_RAMP
-            samples.begin(time)
+            samples.begin(time, output.state.v)
         if time < samples.due:  # the usual case
             samples.commands.append(effort)
             samples.since.append(time)
@@ -150,46 +158,52 @@ class DriveCheck:
                 output, samples.commands[-1])
         is_new = samples.take(time, state.q, state.v, mean, state.dynamics)
         samples.command(time, effort)
-        if not is_new or self.wrong is not None or not self._is_commanded or (
-                not self._controller.laws.follows or not self._is_suspicious(*samples.last)):
+        wrong = self.wrong
+        if not is_new or not self._is_commanded or not self._is_suspicious(*samples.last) or (
+                wrong is not None and wrong.cause.name != SCALE):
             return None
-        is_start = time <= samples.start + START
-        if not is_start and samples.count % LATER:
+        is_start = self._is_start(time)
+        if not is_start and samples.count % LATER or not (
+                self._controller.laws.follows or is_start and samples.moves_at_once):
             return None
         window = samples.window(COUNT if is_start else RECENT)
         try:
             comparison = self._compare(window, is_start, 0)
         except np.linalg.LinAlgError:  # an error of the check must not stop the control path
             return None
-        found = candidates(comparison)
-        if not found:
+        found = candidates(comparison, None if wrong is None else wrong.cause.joint)
+        if not found or wrong is not None and found[0].is_bound:
             return None
         verdicts = causes_verdicts(comparison, found)
-        self._found.update(verdicts)
-        self.wrong = WrongDrive(time, found[0])
-        return self._fault(found, verdicts)
+        self._found = dict(verdicts)
+        self.wrong = WrongDrive(time if wrong is None else wrong.time, found[0])
+        return self._fault(comparison, found, verdicts)
 
-    def _fault(self, found: list[Cause], verdicts: dict[int, Verdict]) -> Fault:
-        """Return the fault of causes: it releases joints that their drives may turn to motors."""
+    def _fault(
+        self, found: Comparison, causes: list[Cause], verdicts: dict[int, Verdict],
+    ) -> Fault:
         worst = next(iter(verdicts))
-        drives = any(
-            one.name in (REVERSED, GRAVITY) or one.name == SCALE and not 0.0 <= one.value <= 1.0
-            for one in found)
         name, verdict = self._controller.arm.joint_names[worst], verdicts[worst]
         return Fault(
             'wrong_drive', f'{name!r}: {verdict.verdict}; {verdict.sentence}', latched=True,
-            released=tuple(verdicts) if drives else ())
+            shares=tuple((j, _share([found.at_joint(cause, j) for cause in causes]))
+                         for j in verdicts))
 
     def _is_suspicious(self, u: FloatArray, y: FloatArray, a: FloatArray) -> bool:
         """Return whether a sample needs more torque y than that of a right drive."""
         error = np.abs(y - u) - self._rotor * np.abs(a) - MODEL * np.abs(u)
         return bool((error > self._friction).any())
 
+    def _is_start(self, time: float) -> bool:
+        """Return whether a time [s] is within START of the first motion."""
+        return self.samples.moved_since <= time <= self.samples.settled
+
     def _compare(self, window: DriveWindow, is_start: bool, user: int) -> Comparison:
-        is_start = is_start and starts_at_rest(window, self.samples.start)
         motion = window.position, window.velocity, smoothed(window.acceleration)
         gravity = self._controller.dynamics.arm.pinocchio_model.gravity.linear
-        model = DriveModel(window, self.joints, is_start)
+        samples, none = self.samples, np.zeros(self._n, dtype=bool)
+        model = DriveModel(
+            window, self.joints, samples.moved_first if is_start else none, samples.moves_at_once)
         return compare(
             model, self._loads[user](*motion)[..., :4],
             tilted(model, self._gravities[user](*motion), np.array(gravity)), user == 1)
@@ -206,8 +220,8 @@ class DriveCheck:
             window, start = self.samples.window(), self.samples.start
             wrong, is_commanded = self.wrong, self._is_commanded
             found, right = self._found, self._right
-        may_name = is_commanded and len(window.time) > 0 and self._controller.laws.follows
-        if may_name and (wrong is not None or (
+        follows, may_name = self._controller.laws.follows, is_commanded and len(window.time) > 0
+        if may_name and (wrong is not None or follows and (
                 len(right) < self._n and bool((np.abs(window.velocity) > SLOW).any()))):
             self._name(window, start, wrong, found, right)
         found.update(resting_verdicts(window, self.joints, is_commanded))
@@ -221,14 +235,15 @@ class DriveCheck:
         found: dict[int, Verdict], right: dict[int, Verdict],
     ) -> None:
         """Add the verdicts of a window of samples with a command."""
-        first = window.between(start, start + START)
+        settled = self.samples.settled
+        first = window.between(start, settled)
         if wrong is not None:
-            is_start = wrong.time <= start + START
+            is_start = self._is_start(wrong.time)
             window = window.between(start if is_start else wrong.time - 2.0 * NAMING,
                                     wrong.time + NAMING)
         else:
-            is_start = len(first.time) > 0 and window.time[-1] <= start + 2.0 * START
-            window = first if is_start else window.between(start + START, np.inf)
+            is_start = len(first.time) > 0 and self._is_start(window.time[-1] - START)
+            window = first if is_start else window.between(settled, np.inf)
         if len(window.time) == 0:
             return
         comparison = self._compare(window, is_start, 1)

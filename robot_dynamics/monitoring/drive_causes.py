@@ -22,11 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.monitoring.drive_samples import (
-    DriveWindow,
-    FIRST_INTERVAL,
-    INTERVAL,
-)
+from robot_dynamics.monitoring.drive_samples import DriveWindow, FIRST_INTERVAL, SLOW
 
 FRICTION = 0.03, 0.02
 """Dry friction of usual gearboxes as a fraction of the effort limit, and its deviation."""
@@ -46,10 +42,8 @@ SPEED_NOISE = 0.003
 """[rad/s] or [m/s], deviation of a velocity."""
 DELAY = 0.004
 """[s] by which a command of a right drive may act late."""
-LATE = 0.3
+LATE = 0.5
 """Deviation of the delay of the first command by DELAY; brakes hold the arm before it acts."""
-SLOW = 0.02
-"""[rad/s] or [m/s] up to which dry friction has any value."""
 VIBRATES, LARGEST = 0.4, 1.2
 """
 Share of turns of the acceleration from which a joint vibrates, and torque by the effort limit that
@@ -59,12 +53,6 @@ STEADY = 0.5
 """Least distance by way of a joint that does not vibrate."""
 PUSH = 0.15
 """Deviation of a push as a fraction of the effort limit."""
-PUSH_ODDS = -7.0, 12.0
-"""
-Log odds of a push, against a wrong drive, within START and later.
-
-A push within 0.3 s of the first command is a coincidence; a drive does not become wrong later.
-"""
 LOAD_ODDS = 8.0
 """Log odds of an unknown load, against a wrong drive."""
 PUSH_RATE = 0.7
@@ -74,14 +62,9 @@ LOAD = 0.15
 LOAD_REACH = 0.15
 """[m], deviation of the centre of mass of a load from the last link."""
 
-GOOD, PUSHED, LOADED, GRAVITY = 'agrees', 'a push or a contact', 'a load', 'adds gravity'
-RIGHT = GOOD, PUSHED, LOADED
+GOOD, PUSHED, LOADED, MISSING = 'agrees', 'a push or a contact', 'a load', 'a missing load'
+GRAVITY = 'adds gravity'
 REVERSED, NO_EFFECT, SCALE, CLIPPED = 'reversed', 'no effect', 'command scale', 'clipped at'
-DELAYED = 'delayed by'
-DELAY_MARGIN = 40.0
-"""Log evidence that a delay needs more: loads and rotors in a fast motion look like one."""
-DELAYS = 0.03, 0.04, 0.06, 0.08
-"""[s]: shorter ones cannot be told from the model in samples of 40 ms."""
 GAINS = {REVERSED: (-1.0, 0.1), NO_EFFECT: (0.0, 0.03), SCALE: (1.5, 1.5)}
 """Mean and deviation of k of the causes that scale the command."""
 
@@ -90,7 +73,7 @@ LEAST_CLIP = 0.05
 CLIP = 0.1, 0.1
 """Mean and deviation of a clipped torque as a fraction of the effort limit."""
 AGAINST = 3.0
-"""Log evidence at a joint against a cause of the whole arm, or for it."""
+"""Log evidence against a value, or at a joint against a cause of the whole arm, or for it."""
 SCALES = 0.25 * np.arange(1, 25)
 """Scales of the command that are compared if the drive reaches its limit."""
 POOR = 2.0
@@ -113,6 +96,11 @@ class Cause(NamedTuple):
     value: float = 0.0
     deviation: float = 0.0
     gravity: tuple[float, ...] = ()
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether the data show only that the value is not less."""
+        return not np.isfinite(self.deviation)
 
 
 class Fits(NamedTuple):
@@ -153,21 +141,22 @@ class DriveModel:
     """The samples of a window, ready for the comparison of causes."""
 
     def __init__(
-        self, window: DriveWindow, joints: Joints, is_start: bool,
+        self, window: DriveWindow, joints: Joints, moved_first: BoolArray, at_once: bool,
     ) -> None:
         """
         Take a window of samples.
 
         Samples in which the motion needs no torque beyond g(q) say nothing, because a contact may
-        hold the arm, unless `is_start`: then the arm has just been released.
+        hold the arm, unless it is a start: some joints (n,) `moved_first`, perhaps `at_once`.
         """
         self.window, self.joints, limit = window, joints, joints.limit
-        self.is_start = is_start
+        self.moved_first, self.at_once = moved_first, at_once
+        self.is_start = bool(moved_first.any())
         sign = np.where(np.abs(window.velocity) > SLOW, np.sign(window.velocity), 0.0)
         passed = np.diff(window.time)
         duration = np.maximum(np.append(passed[:1], passed) if len(passed) else np.array(
             [FIRST_INTERVAL]), 1e-3)[:, np.newaxis]
-        held = is_start * DELAY / duration * (window.needed - window.gravity)
+        held = self.is_start * DELAY / duration * (window.needed - window.gravity)
         held[1:] = 0.0  # brakes hold the arm until the first command acts
         self._passive = np.stack((-sign, -window.acceleration, -held), axis=-1)
         late = np.abs(np.diff(window.commanded, axis=0, prepend=window.commanded[:1]))
@@ -186,7 +175,7 @@ class DriveModel:
         steady = np.abs(way.cumsum(axis=0)) > STEADY * np.abs(way).cumsum(axis=0)
         accelerates = np.abs(window.needed - window.gravity) > joints.visible
         counts = self.moves & steady
-        if not is_start:
+        if not self.is_start:
             counts &= accelerates
         else:  # friction at rest is one value, whatever the number of samples
             error = np.abs(window.needed[-1] - window.commanded[-1])
@@ -263,8 +252,8 @@ class DriveModel:
         """
         Return the fits of a scaled command.
 
-        Scales at which the drive reaches its limit are compared one by one: the data may show
-        only that the scale is not less.
+        Scales at which the drive reaches its limit are compared one by one. If the data show only
+        that a scale is not less, it has the deviation ∞.
         """
         u, limit, (mean, spread) = self.window.commanded, self.joints.limit, GAINS[SCALE]
         fits = self.fit(u, GAINS[SCALE])
@@ -272,14 +261,19 @@ class DriveModel:
         if (largest + self.joints.visible < limit).all():
             return fits
         k = np.sign(fits.gain) * SCALES[:, np.newaxis]
-        evidence = np.stack([self.fit(np.clip(x * u, -limit, limit), (1.0, MODEL)).evidence
-                             for x in k]) - 0.5 * ((k - mean) / spread)**2
+        likelihood = np.stack([self.fit(np.clip(x * u, -limit, limit), (1.0, MODEL)).evidence
+                               for x in k])
+        evidence = likelihood - 0.5 * ((k - mean) / spread)**2
         weight = np.exp(evidence - evidence.max(axis=0))
         volume = weight.sum(axis=0)
         gain = (weight * k).sum(axis=0) / volume
         deviation = np.sqrt((weight * (k - gain)**2).sum(axis=0) / volume)
-        return Fits(evidence.max(axis=0) + np.log(
-            volume * SCALES[0] / (spread * np.sqrt(2.0 * np.pi))), gain, deviation, fits.rotor)
+        is_bound = deviation > 1.5 * MODEL * np.abs(gain)
+        possible = likelihood > likelihood.max(axis=0) - AGAINST
+        least = k[possible.argmax(axis=0), range(len(gain))]
+        return Fits(
+            evidence.max(axis=0) + np.log(volume * SCALES[0] / (spread * np.sqrt(2.0 * np.pi))),
+            np.where(is_bound, least, gain), np.where(is_bound, np.inf, deviation), fits.rotor)
 
     def clipped(self) -> Fits:
         """Return the fits of a torque that is clipped; their gain is the clipped torque (n,)."""
@@ -295,17 +289,18 @@ class DriveModel:
         return Fits(np.where(at < largest, fits.evidence - volume, -np.inf), at, limit * (
             first.deviation), fits.rotor)
 
-    def load(self, columns: FloatArray) -> float:
+    def load(self, columns: FloatArray) -> Cause:
         """
-        Return the log evidence of a load; `columns` (k, n, 4) are torques per m and m c.
+        Return the cause of a load, or of one that only the model has, which is rarer.
 
-        A negative mass is that of a tool that the model has and the arm has not, which is rarer.
+        `columns` (k, n, 4) are torques per m and m c.
         """
         reach = np.array((1.0, *3 * (LOAD_REACH,)))
         lever = (np.abs(columns) * reach / self.joints.limit[:, np.newaxis]).max(initial=1e-9)
         heaviest = LOAD / lever
         evidence, (mass, *_) = self.common(-columns, heaviest * reach)
-        return evidence + (LOAD_ODDS if mass > -0.5 * heaviest else 0.0)
+        return Cause(MISSING, ALL, evidence) if mass < -0.5 * heaviest else Cause(
+            LOADED, ALL, evidence + LOAD_ODDS)
 
     def common(self, columns: FloatArray, spread: FloatArray) -> tuple[float, FloatArray]:
         """
@@ -327,99 +322,3 @@ class DriveModel:
         d = np.linalg.solve(P, h)
         evidence = -0.5 * (r @ r - h @ d + np.linalg.slogdet(P)[1])
         return float(evidence), (mean + spread * d)[-m:]
-
-
-class Comparison(NamedTuple):
-    """
-    All causes, the best first, the gains of the drives, and the doubt (n,); see `compare`.
-
-    The doubt is the log evidence of a reversed drive or none, beyond that of a right one.
-    """
-
-    causes: list[Cause]
-    gains: Fits
-    doubt: FloatArray
-
-    @property
-    def wrong(self) -> list[Cause]:
-        """The causes that are wrong drives."""
-        return [cause for cause in self.causes if cause.name not in RIGHT]
-
-    @property
-    def certainty(self) -> float:
-        """The log evidence of the best wrong drive beyond that of the best right cause."""
-        return self.wrong[0].evidence - max(
-            cause.evidence for cause in self.causes if cause.name in RIGHT)
-
-
-def compare(
-    model: DriveModel, columns: FloatArray, tilted: Cause, is_thorough: bool = False,
-) -> Comparison:
-    """
-    Return the comparison.
-
-    `columns` are those of `DriveModel.load`, `tilted` is the cause of `drive_tilt`.
-
-    `is_thorough` adds delays, and makes gains and doubt those of the whole motion.
-    """
-    window, u = model.window, model.window.commanded
-    gain = 1.0, MODEL
-    good, push = model.right(), PUSH_ODDS[0 if model.is_start else 1]
-    base = float(good.evidence.sum())
-    pushed = np.maximum(model.fit(u, gain, is_pushed=True).evidence, good.evidence)
-    gravity = model.fit(u, gain, window.needed - window.gravity)
-    found = [
-        Cause(GOOD, ALL, 0.0), Cause(PUSHED, ALL, push + float(pushed.sum()) - base),
-        Cause(LOADED, ALL, model.load(columns) - base),
-        Cause(GRAVITY, ALL, float(gravity.evidence.sum()) - base if (
-            model.explains_arm(gravity)) else -np.inf),
-        tilted._replace(evidence=tilted.evidence - base)]
-    doubt = np.full(len(good.gain), -np.inf)
-    for name, fits in (
-            *((name, model.fit(u, GAINS[name])) for name in (REVERSED, NO_EFFECT)),
-            (SCALE, model.scaled()), (CLIPPED, model.clipped())):
-        more = np.where(model.explains(fits), fits.evidence - good.evidence, -np.inf)
-        doubt = np.maximum(doubt, more)
-        found += [
-            Cause(name, j, float(more[j]), float(fits.gain[j]), float(fits.deviation[j]))
-            for j in range(len(more))]
-        found.append(Cause(name, ALL, float(np.maximum(more, -1e3).sum())))
-    if is_thorough:
-        good, doubt, late = _in_motion(model, columns)
-        right = max(cause.evidence for cause in found if cause.name in RIGHT)
-        found += [cause._replace(evidence=right - push + cause.evidence) for cause in late
-                  if not model.is_start]
-    return Comparison(sorted(found, key=lambda cause: -cause.evidence), good, doubt)
-
-
-def _in_motion(model: DriveModel, columns: FloatArray) -> tuple[Fits, FloatArray, list[Cause]]:
-    """
-    Return the fits of free gains, the doubt (n,), and the delays, compared with a push or load.
-
-    All samples in motion count: a contact does not look like a right drive.
-    """
-    window, u, right = model.window, model.window.commanded, (1.0, MODEL)
-    before = model.counts
-    model.only(model.moves)
-    good, free = model.right(), model.fit(u, GAINS[SCALE])
-    doubt = np.maximum(*(model.fit(u, GAINS[name]).evidence for name in (REVERSED, NO_EFFECT)))
-    doubt = np.where(model.explains(good), doubt, np.inf)
-    pushed = np.maximum(model.fit(u, right, is_pushed=True).evidence, good.evidence)
-    known = max(float(pushed.sum()), model.load(columns))
-    fits = [(d, model.fit(delayed(window.time, u, d), right)) for d in DELAYS]
-    late = [
-        Cause(DELAYED, ALL, float(one.evidence.sum()) - known - DELAY_MARGIN, d, 0.25 * INTERVAL)
-        for d, one in fits if model.explains_arm(one) and _iscommon(
-            one.evidence - good.evidence)]
-    model.only(before)
-    return free, doubt - good.evidence, late
-
-
-def _iscommon(more: FloatArray) -> bool:
-    """Return whether log evidence (n,) favours a cause at several joints, opposes it at none."""
-    return bool((more > -AGAINST).all() and (more > AGAINST).sum() >= min(3, len(more)))
-
-
-def delayed(time: FloatArray, command: FloatArray, delay: float) -> FloatArray:
-    """Return a command (k, n) at times (k,) [s], a delay [s] earlier."""
-    return np.stack([np.interp(time - delay, time, u) for u in command.T], axis=1)

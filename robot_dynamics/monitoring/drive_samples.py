@@ -15,11 +15,11 @@ y is the torque of the drive minus dry friction, loads and contacts that the mod
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 
-START = 0.3
-"""[s] after the first command in which the drives are not known."""
+START = 0.2
+"""[s] after the first motion in which the drives are not known."""
 INTERVAL, FIRST_INTERVAL = 0.04, 0.01
 """[s], at least, of a sample, and of one within START."""
 LONGEST = 0.1
@@ -30,8 +30,13 @@ Relative errors of mean velocities with which the first and later samples count,
 
 The last one is in [rad/s] or [m/s]. The velocity of the first state is assumed to be 0.
 """
-AT_REST, LATE = 0.1, 0.008
-"""[rad/s] or [m/s], and [s] by which the first command may act late."""
+AT_REST, AT_ONCE = 0.1, 0.04
+"""
+[rad/s] or [m/s] up to which an arm is at rest at the first command, and [s] in which it then moves
+if a drive is wrong: what moves it later are pushes, contacts, or brakes that release it late.
+"""
+SLOW = 0.02
+"""[rad/s] or [m/s] up to which dry friction has any value."""
 SMOOTHED = 5
 COUNT = 80
 """Samples in the window, at least 2 s."""
@@ -86,6 +91,11 @@ class DriveSamples:
         """Number of samples since the first command."""
         self.start = -np.inf
         """Time [s] of the first command."""
+        self.moved_first: BoolArray = np.zeros(n, dtype=bool)
+        """Which joints (n,) have moved within AT_ONCE after the first one, if it was at rest."""
+        self.moved_since = np.inf
+        """Time [s] at which the first joint has moved."""
+        self._was_at_rest = False
         self.due = -np.inf
         """Time [s] from which a state ends the interval."""
         self.commands: list[FloatArray] = []
@@ -102,9 +112,11 @@ class DriveSamples:
         self._first: _Begin | None = None
         self._skips = True
 
-    def begin(self, time: float) -> None:
-        """Begin at the first command, at a time [s]."""
+    def begin(self, time: float, v: FloatArray) -> None:
+        """Begin at the first command, at a time [s], with velocities v (n,)."""
         self.start, self.count = time, 0
+        self._was_at_rest = bool((np.abs(v) < AT_REST).all())
+        self.moved_first, self.moved_since = np.zeros_like(self.moved_first), np.inf
         self.restart()
         self._skips = False  # an arm at rest has the velocity 0 of a first state
 
@@ -153,6 +165,10 @@ class DriveSamples:
             return False
         T, mean = time - first.time, 0.5 * (first.v + v)
         moved = (q - first.q) / T
+        if self._was_at_rest and time <= min(self.moved_since, self.start + START) + AT_ONCE:
+            self.moved_first = self.moved_first | (np.abs(moved) > SLOW)
+            if self.moved_first.any():
+                self.moved_since = min(self.moved_since, time)
         relative = AGREEMENT[0 if self.count == 0 else 1]
         if (np.abs(moved - mean) > relative * np.abs(moved) + AGREEMENT[2]).any():
             return False  # the velocities are not those of the positions
@@ -176,8 +192,18 @@ class DriveSamples:
         self.commands.clear()
         self.since.clear()
         self.due = time - 1e-6 + (
-            FIRST_INTERVAL if time < self.start + START else INTERVAL)
+            FIRST_INTERVAL if time < self.settled else INTERVAL)
         return now
+
+    @property
+    def settled(self) -> float:
+        """The time [s] START after the first motion, or after the first command without one."""
+        return START + (self.moved_since if np.isfinite(self.moved_since) else self.start)
+
+    @property
+    def moves_at_once(self) -> bool:
+        """Whether the first command has moved an arm that was at rest."""
+        return self.moved_since <= self.start + AT_ONCE
 
     def window(self, most: int = COUNT) -> DriveWindow:
         """Return the last samples, at most `most`, in the order of time."""
@@ -191,11 +217,3 @@ def smoothed(acceleration: FloatArray) -> FloatArray:
     ones = np.ones(min(SMOOTHED, len(acceleration)))
     count = np.convolve(np.ones(len(acceleration)), ones, 'same')
     return np.stack([np.convolve(a, ones, 'same') / count for a in acceleration.T], axis=1)
-
-
-def starts_at_rest(window: DriveWindow, start: float) -> bool:
-    """Return whether the arm was at rest at the first command, and not moved by hand."""
-    passed = np.diff(window.time[:2]).sum() if len(window.time) > 1 else FIRST_INTERVAL
-    a = window.acceleration[0]
-    v = window.velocity[0] - a * (window.time[0] - 0.5 * passed - start)
-    return bool((np.abs(v) < AT_REST + LATE * np.abs(a)).all())

@@ -17,17 +17,15 @@ from robot_dynamics.monitoring.drive_causes import (
     ALL,
     Cause,
     CLIPPED,
-    Comparison,
-    DELAYED,
-    delayed,
-    DELAYS,
     GAINS,
     GRAVITY,
     Joints,
+    MISSING,
     NO_EFFECT,
     REVERSED,
     SCALE,
 )
+from robot_dynamics.monitoring.drive_comparison import Comparison, DELAYED, delayed, DELAYS
 from robot_dynamics.monitoring.drive_samples import DriveWindow
 from robot_dynamics.monitoring.drive_tilt import TILTED
 
@@ -57,6 +55,7 @@ _REMEDIES = {
     CLIPPED: 'something limits the effort: the limit or mode of the drive, <safety_controller>',
     GRAVITY: 'the robot or another controller compensates gravity: set robot_compensates: '
              '[gravity], or end the other controller',
+    MISSING: 'remove from the model a tool that the arm does not carry',
     TILTED: 'set gravity, or mount the base as in the URDF',
     DELAYED: 'lower gains.natural_frequency, or shorten the way of the command'}
 
@@ -82,7 +81,8 @@ def candidates(found: Comparison, joint: int | None = None) -> list[Cause]:
 
     `joint` is the number of the joint whose drive is known to be wrong, or ALL, None if unknown.
     """
-    if found.certainty < CERTAIN:
+    first = found.wrong[0]
+    if first.name == MISSING or first.evidence < found.right + CERTAIN:
         return []
     wrong = [cause for cause in found.wrong if joint in (None, cause.joint)]
     best, similar = wrong[0], dict[str, Cause]()
@@ -105,30 +105,24 @@ def causes_verdicts(found: Comparison, causes: list[Cause]) -> dict[int, Verdict
     """Return the verdicts of causes that explain the data, by joint; see `candidates`."""
     if not causes:
         return {}
-    best = causes[0]
-    joints = range(len(found.doubt)) if best.joint == ALL else [best.joint]
-    verdicts = {}
-    for j in joints:
-        own = [_of_joint(cause, j, found) for cause in causes]
-        if best.joint == ALL and best.name not in (GRAVITY, DELAYED, TILTED) and (
-                own[0].evidence < SIMILAR):
+    best, verdicts = causes[0], {}
+    for j in range(len(found.doubt)) if best.joint == ALL else [best.joint]:
+        if found.at_joint(best, j).evidence < SIMILAR:
             continue
-        words = [_word(cause) for cause in own]
+        own = [one for one in (found.at_joint(cause, j) for cause in causes)
+               if one.evidence >= SIMILAR]
+        words = [_word(cause) for cause in own] + [AGREES] * (len(own) < len(causes))
         sentence = '; '.join(_sentence(cause) for cause in own)
-        verdicts[j] = Verdict(words[0], sentence) if len(words) == 1 else Verdict(
+        verdicts[j] = Verdict(words[0], sentence) if len(words) == 1 and not (
+            own[0].is_bound) else Verdict(
             f'unclear: {" or ".join(words)}',
             f'{sentence}; a motion with other torques at this joint separates them')
     return verdicts
 
 
-def _of_joint(cause: Cause, j: int, found: Comparison) -> Cause:
-    """Return the same cause with its value at one joint."""
-    return next((one for one in found.causes if one.name == cause.name and one.joint == j), cause)
-
-
 def _word(cause: Cause) -> str:
     if cause.name == SCALE:
-        return f'{SCALE} {round(cause.value, 2)}'
+        return f'{SCALE} {round(cause.value, 2)}{" or more" if cause.is_bound else ""}'
     if cause.name == CLIPPED:
         return f'{CLIPPED} {round(cause.value, 1)}'
     if cause.name == TILTED:
@@ -138,9 +132,13 @@ def _word(cause: Cause) -> str:
 
 def _sentence(cause: Cause) -> str:
     gain = f'{cause.value:.2f} ± {2.0 * cause.deviation:.2f}'
+    if cause.is_bound:
+        return (f'the motion needs at least {cause.value:.2f} of the command, because the drive '
+                'reaches its effort limit')
     evidence = {
         **dict.fromkeys(GAINS, f'the motion needs {gain} of the command'),
         CLIPPED: f'the motion needs no more than {gain}, whatever is commanded',
+        MISSING: 'the motion needs less than a load of the model',
         GRAVITY: 'the motion needs g(q) more than the command at all joints',
         TILTED: f'the motion needs a gravity of {np.round(cause.gravity, 1).tolist()} m/s² in the '
                 f'base frame, tilted by {cause.value:.0f}°',

@@ -4,6 +4,7 @@
 """The drive check: wrong drives are named at the joint that has them, right ones never."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
@@ -36,13 +37,13 @@ class Driven(LockStep):
     def __init__(
         self, name: str, drive: Drive = lambda tau, g: tau, load: float = 0.0,
         report: Drive | None = None, rate: float = 500.0,
-        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        gravity: Sequence[float] = (0.0, 0.0, -9.81), **options: Any,
     ) -> None:
         """`load` [kg] is a mass at the last link; `report` returns the report of a command."""
         arm = smooth_arm(name)
         self.drive, self.said = drive, report
         true = _true_arm(arm.with_gravity(gravity), load)
-        super().__init__(arm, true_arm=true, q=Q[name], rate=rate)
+        super().__init__(arm, true_arm=true, q=Q[name], rate=rate, **options)
 
     def _move(self, tau: FloatArray) -> None:
         g = self._body.gravity(self.q)
@@ -97,13 +98,14 @@ def test_a_wrong_drive_is_named_at_its_joint_only(name, word, rate):
     assert set(words) <= {'agrees', 'not observable yet'}
 
 
-def test_a_scaled_command_that_its_drive_clips_to_its_limit_is_a_scale():
-    one = Driven('ur5', at(1, lambda tau: float(np.clip(4.0 * tau, -150.0, 150.0))))
-    one.delay = 4
+def test_a_drive_at_its_limit_shows_its_scale_once_it_gets_less():
+    one = Driven('panda', at(3, lambda tau: float(np.clip(4.0 * tau, -87.0, 87.0))), rate=250.0)
+    while one.loop.drives.wrong is None and one.k < 100:
+        one.run(0.004)
+    message = one.loop.supervisor.fault.message
+    assert 'unclear: command scale 3.0 or more; the motion needs at least 3.00 of' in message
     one.run(0.4)
-    verdict = one.words()[1]
-    assert verdict.startswith('command scale ')
-    assert 2.5 < float(verdict.split()[-1]) < 4.6
+    assert is_about(one.words()[3], 'command scale 4')
 
 
 @pytest.mark.parametrize('name', ['ur5', 'panda'])
@@ -128,6 +130,17 @@ def test_a_tilted_base_is_named_with_its_gravity(name, gravity, angle):
     assert set(one.words()) == {word}
     assert sentence.startswith('the motion needs a gravity of [')
     assert sentence.endswith('set gravity, or mount the base as in the URDF')
+
+
+@pytest.mark.parametrize('name', ['ur5', 'panda'])
+@pytest.mark.parametrize('word', ['reversed', 'no effect', 'command scale 4'])
+def test_gravity_compensation_ends_by_a_wrong_drive_that_moves_the_arm_at_once(name, word):
+    one = Driven(name, at(J[name], WRONG[word]), command='gravity_compensation')
+    while one.loop.drives.wrong is None and one.k < 200:
+        one.run(0.004)
+    assert np.abs(one.q - Q[name])[J[name]] <= 0.07
+    assert one.loop.supervisor.fault.name == 'wrong_drive'
+    assert word.split()[0] in one.words()[J[name]]
 
 
 def test_a_delay_is_named_in_motion():
@@ -166,12 +179,14 @@ def test_right_drives_agree_after_a_motion_and_are_never_accused(name, load):
 
 
 @pytest.mark.parametrize('name', ['ur5', 'panda'])
-@pytest.mark.parametrize('seed', range(3))
-def test_a_push_is_not_a_wrong_drive(name, seed):
-    one, rng = Driven(name), np.random.default_rng(seed)
+@pytest.mark.parametrize(('law', 'begin'), [
+    ('computed_torque', 0.5), ('computed_torque', 0.1), ('gravity_compensation', 0.1),
+    ('hand_guiding', 0.2)])
+def test_a_push_is_not_a_wrong_drive(name, law, begin):
+    one, rng = Driven(name, command=law), np.random.default_rng(1)
     force = 0.15 * one.arm.limits.effort * rng.uniform(-1.0, 1.0, len(one.q))
     start = one.now
-    one.push = lambda t: force if 0.5 < t - start < 0.8 else 0.0
+    one.push = lambda t: force if begin < t - start < begin + 0.3 else 0.0
     for _ in range(4):
         one.run(0.4)
         assert set(one.words()) <= {'agrees', 'not observable yet'}
@@ -272,13 +287,22 @@ def test_a_wrong_drive_ends_the_command_before_the_arm_has_moved(name, word, rat
     assert f'{one.arm.joint_names[J[name]]!r}: ' in fault.message
 
 
-@pytest.mark.parametrize('word', ['reversed', 'command scale 4'])
-def test_a_drive_that_adds_energy_gets_no_effort_any_more(word):
-    one = Driven('ur5', at(1, WRONG[word]))
+def test_a_reversed_drive_gets_no_effort_any_more():
+    one = Driven('ur5', at(1, WRONG['reversed']))
     one.run(0.1)
     effort = one.run(0.3).effort
     assert np.nanmax(np.abs(effort[:, 1])) == 0.0
     assert np.nanmin(np.abs(effort[:5, 2])) > 1.0  # the others are held
+
+
+@pytest.mark.parametrize('scale', [2.0, 4.0])
+def test_a_drive_that_delivers_more_than_the_command_is_held_with_less(scale):
+    one = Driven('ur5', at(1, lambda tau: scale * tau))
+    one.run(0.4)
+    effort = one.run(0.2).effort[-1, 1]
+    assert effort * scale == pytest.approx(one._body.gravity(one.q)[1], rel=0.1)
+    assert np.abs(one.v).max() < 0.2
+    assert np.abs(one.q - Q['ur5']).max() < 0.25
 
 
 def test_a_robot_that_adds_gravity_holds_itself_when_it_is_seen():

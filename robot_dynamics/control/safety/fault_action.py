@@ -47,6 +47,24 @@ class FaultAction:
         self.is_forced = False
         """Whether the action runs although states are valid."""
         self.undamped = UndampedJoints(len(joint_names))
+        self._share = np.ones(len(joint_names))
+        """Share of the effort (n,) that is published."""
+
+    def restart(self) -> None:
+        """Let all joints have all of their efforts again."""
+        self.undamped.restart()
+        self._share = np.ones_like(self._share)
+
+    def reduce(self, fault: Fault) -> None:
+        """Reduce the efforts of joints, or release them, as a fault demands."""
+        before = self._share.copy()
+        for j, share in fault.shares:
+            if share > 0.0:
+                self._share[j] = share
+            else:
+                self.undamped.released[j] = True
+        if self._limiter.last is not None:
+            self._limiter.last = self._limiter.last * self._share / before
 
     def begin(self, now: float, holding: FloatArray) -> None:
         """Begin with the effort that holds the arm."""
@@ -78,7 +96,7 @@ class FaultAction:
 
     def limited(self, effort: FloatArray, passed: float) -> FloatArray:
         """Return an effort (n,) within the rate limit; 0 at released joints, whatever it is."""
-        effort = self._limiter.rate_limited(effort, passed)
+        effort = self._limiter.rate_limited(self._share * effort, passed)
         if self.undamped.released.any():
             effort = self._limiter.last = np.where(self.undamped.released, 0.0, effort)
         return effort

@@ -22,15 +22,15 @@ class Fault:
     """
     A fault: its name for programs, a message for the operator, and whether it needs a reset.
 
-    If it needs no reset, it ends after `recovery` consecutive good states. The `released` joints,
-    by number, get no effort until then.
+    If it needs no reset, it ends after `recovery` consecutive good states. Until then, the joints
+    of `shares`, by number, get only a share of their efforts; those with 0 are released.
     """
 
     name: str
     message: str
     latched: bool = False
     recovery: int = 1
-    released: tuple[int, ...] = ()
+    shares: tuple[tuple[int, float], ...] = ()
 
     def __str__(self) -> str:
         waits = '; waits for ~/reset_fault' if self.latched else ''

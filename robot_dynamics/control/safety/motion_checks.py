@@ -54,5 +54,5 @@ def frozen_joint(names: tuple[str, ...], lost: BoolArray) -> Fault:
     found = [name for name, is_lost in zip(names, lost) if is_lost]
     return Fault(
         FROZEN_JOINT, f'the position of {found} has not changed for more than '
-        f'{STATE_TIMEOUT:g} s, although it moved before: check the encoder or its driver',
+        f'{STATE_TIMEOUT:g} s, although it has to move: check brake, encoder and driver',
         recovery=25)

@@ -149,7 +149,7 @@ class CommandSupervisor:
         if self.mode not in (Mode.WAITING, Mode.RUNNING, Mode.FAULT, Mode.BRAKING):
             return
         self._good = 0
-        self._action.undamped.release(fault.released)
+        self._action.reduce(fault)
         is_new = not self.is_damped
         if self.mode is Mode.BRAKING:
             self._stop_has_fault = True
@@ -228,7 +228,7 @@ class CommandSupervisor:
             self.mode = Mode.RUNNING
         elif self.mode is Mode.FAULT and self._recovers():
             self.mode, dt = Mode.RUNNING, None  # efforts may have been published since that state
-            self._action.undamped.restart()
+            self._action.restart()
         if self.mode is Mode.FAULT and self._action.is_forced and cause is not None:
             return self._acting(now)
         self.keeps_law = self.is_damped and other is None and self.was_inside and (

@@ -10,8 +10,8 @@ that is faster than its limit, and has become faster for WINDOW although its eff
 motion all the time, is not held by this effort, whatever the cause. Without it, it gets no energy.
 A joint moves others: after the first one, all that are too fast are released.
 
-The drive check does not replace this: it does not check laws without a reference, under which a
-reversed joint reached 461 times its velocity limit in a second, and 25 times with this class.
+The drive check does not replace this: it checks laws without a reference only at the start. Later
+a reversed joint reached 461 times its velocity limit in a second, and 25 times with this class.
 """
 
 import numpy as np
@@ -40,10 +40,6 @@ class UndampedJoints:
         """Let all joints have efforts again."""
         self.released = np.zeros_like(self.released)
         self._since = -np.inf
-
-    def release(self, joints: tuple[int, ...]) -> None:
-        """Release joints whose drives are known to be wrong."""
-        self.released[list(joints)] = True
 
     def take(self, time: float, v: FloatArray, damping: FloatArray, limit: FloatArray) -> int:
         """
