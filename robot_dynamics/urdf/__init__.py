@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""URDF documents: reading, validation, editing, inertias and meshes."""
+"""URDF documents: reading, validation, inertias and meshes."""
 
 from robot_dynamics.urdf.description_file import read_description
-from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.parser import parse_urdf, UrdfJoint, UrdfRobot
 
 __all__ = [
@@ -12,5 +11,4 @@ __all__ = [
     'read_description',
     'UrdfJoint',
     'UrdfRobot',
-    'with_elements',
 ]

@@ -226,8 +226,8 @@ def read_settings(arguments: argparse.Namespace) -> 'AnalysisSettings':
 
     Raises ModelError or InvalidInputError if the URDF or the parameters cannot be read.
     """
-    from robot_dynamics.urdf.editing import with_continuous_joints
     from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
+    from robot_dynamics_tools.urdf_editing import with_continuous_joints
     parameters, urdf = read_parameters(arguments.parameters), ''
     if arguments.urdf is not None:
         urdf, changed = with_continuous_joints(read_robot(arguments.urdf))

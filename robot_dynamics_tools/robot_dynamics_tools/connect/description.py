@@ -13,10 +13,10 @@ from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model_check.report import check_description, NEXT_STEPS
 from robot_dynamics.ros.parameters.payloads import PAYLOAD_SPECS, payloads_at_start
-from robot_dynamics.urdf.editing import with_continuous_joints, with_elements
 from robot_dynamics.validation import check_scalar, LARGEST_VALUE
 from robot_dynamics_tools.connect.checks import BAD, Checklist, GOOD
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, LATCHED, NoAnswerError
+from robot_dynamics_tools.urdf_editing import with_continuous_joints, with_elements
 from std_msgs.msg import String
 
 LIMITS = 'velocity', 'effort'

@@ -26,12 +26,12 @@ from robot_dynamics.joints.effort_calibration import EffortCalibration, LARGEST_
 from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.regressor import body_names, COUNT, inertial_parameters
-from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import LinkBody, read_bodies
 from robot_dynamics.validation import lower_triangle
 from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.regularized_fit import Fit
 from robot_dynamics_tools.pseudo_inertia import is_consistent
+from robot_dynamics_tools.urdf_editing import with_elements
 from robot_dynamics_tools.yaml_output import dump_yaml
 
 _LEAST = 1e-15

@@ -10,10 +10,10 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import read_bodies
 from robot_dynamics_tools.identification.identified_arm import identified_urdf, kept_fractions
 from robot_dynamics_tools.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
+from robot_dynamics_tools.urdf_editing import with_elements
 from robots import robot_urdf
 
 PANDA_JOINTS = [f'panda_joint{i}' for i in range(1, 8)]
@@ -72,3 +72,5 @@ def test_impossible_bodies_are_not_written():
         identified_urdf(default_arm_urdf(), arm, phi, np.zeros(2), np.zeros(2))
     with pytest.raises(ModelError, match='is not valid XML'):
         with_elements('<robot>', {}, {})
+    with pytest.raises(ModelError, match='DTD'):
+        with_elements('<!DOCTYPE robot [<!ENTITY e "x">]><robot/>', {}, {})

@@ -3,7 +3,7 @@
 
 """Elements replaced in a URDF: nothing else changes, and the new model is the identified one."""
 
-from robot_dynamics.urdf.editing import with_elements
+from robot_dynamics_tools.urdf_editing import with_elements
 
 URDF = """<?xml version="1.0" encoding="latin-1"?>
 <!-- before: <link name="a"/> -->
