@@ -36,13 +36,10 @@ class LoadedArm:
         self._transition: PayloadTransition | None = None
         self._when_done: Callable[[tuple[Payload, ...]], None] = lambda _: None
         self._stamp_ns: int | None = None
+        self.changes = False
+        """Whether loads or gravity are in a transition, so that `advance` is needed."""
         self._gravity_rate: float | None = None
         """Largest rate of change of gravity [m/s³] until that of `planning`; None: reached."""
-
-    @property
-    def changes(self) -> bool:
-        """Whether loads or gravity are in a transition, so that `advance` is needed."""
-        return self._transition is not None or self._gravity_rate is not None
 
     def prepare(
         self, payloads: Sequence[Payload] | None = None, gravity: FloatArray | None = None,
@@ -74,6 +71,7 @@ class LoadedArm:
         else:
             self._set_dynamics(payloads)
             self.workspace = load
+        self.changes = self._transition is not None or self._gravity_rate is not None
 
     def begin_gravity_change(self, load: WorkspaceInertia, rate: float) -> None:
         """Let gravity change to that of `load`, at most by `rate` [m/s³]; ∞ changes it at once."""
@@ -82,6 +80,7 @@ class LoadedArm:
         if rate == math.inf:
             self._change_gravity(math.inf)
             self._set_dynamics(self.dynamics.arm.payloads)
+        self.changes = self._transition is not None or self._gravity_rate is not None
 
     def _plan(self, load: WorkspaceInertia) -> None:
         self.workspace = load.heavier(self.workspace if self.changes else self._planned)
@@ -98,6 +97,7 @@ class LoadedArm:
         if transition is not None and transition.done:
             self._transition = None
             self._when_done(payloads)
+        self.changes = self._transition is not None or self._gravity_rate is not None
         if not self.changes:
             self._stamp_ns = None
 

@@ -165,7 +165,7 @@ def test_a_joint_whose_position_repeats_in_motion_is_frozen_after_50_ms(speed, c
 @pytest.mark.parametrize(('share', 'ends'), [(0.099, False), (0.101, True)])
 def test_an_arm_with_a_frozen_joint_is_held_while_the_others_rest(share, ends):
     """command.md: up to 0.1 of the velocity limit from 0.5 s after the fault; else a ramp."""
-    one = Fed(arm_named('default'), Q).states(2, 0.001).states(20, 0.3)
+    one = Fed(arm_named('default'), Q).states(150).states(2, 0.001).states(20, 0.3)
     one.state([0.3, 0.0])
     efforts = [one.state([10.0 * share, 0.0]) for _ in range(700)]
     assert one.fault == 'frozen_joint'
@@ -177,7 +177,7 @@ def test_an_arm_with_a_frozen_joint_is_held_while_the_others_rest(share, ends):
 
 def test_a_following_error_is_that_of_300_ms_at_the_velocity_limit():
     """Following error: 0.3 s at the velocity limit."""
-    one = Fed().states(5).states(298, 1.0)  # 0.596 rad; the limit is 2 rad/s
+    one = Fed().states(150).states(298, 1.0)  # 0.596 rad; the limit is 2 rad/s
     assert one.supervisor.fault is None
     assert one.states(4, 1.0).supervisor.fault.name == 'following_error'
 
@@ -344,7 +344,7 @@ def test_a_contradiction_of_publishers_ends_after_100_valid_states():
 
 
 def test_a_frozen_joint_recovers_after_25_states_that_change():
-    one = Fed(arm_named('default'), Q).states(2, 0.001).states(20, 0.3)
+    one = Fed(arm_named('default'), Q).states(150).states(2, 0.001).states(20, 0.3)
     for _ in range(30):
         one.state([0.3, 0.0])
     assert one.fault == 'frozen_joint'

@@ -5,6 +5,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -143,8 +144,8 @@ def _check_controllers(
     namespace, _, name = receiver.node.rpartition('/')
     service, expected = f'{namespace}/controller_manager/list_controllers', 'active, with effort'
     try:
-        from controller_manager_msgs.srv import ListControllers
-        found = client.call(ListControllers, service, ListControllers.Request()).controller
+        kind = import_module('controller_manager_msgs.srv').ListControllers
+        found = client.call(kind, service, kind.Request()).controller
     except (ImportError, RobotDynamicsError) as error:
         checks.add('controller', UNKNOWN, f'state of {name} not read: {error}', expected,
                    'ros2 control list_controllers --claimed-interfaces')
