@@ -62,7 +62,7 @@ LOAD = 0.15
 LOAD_REACH = 0.15
 """[m], deviation of the centre of mass of a load from the last link."""
 
-GOOD, PUSHED, LOADED, MISSING = 'agrees', 'a push or a contact', 'a load', 'a missing load'
+GOOD, PUSHED, LOADED = 'agrees', 'a push or a contact', 'a load'
 GRAVITY = 'adds gravity'
 REVERSED, NO_EFFECT, SCALE, CLIPPED = 'reversed', 'no effect', 'command scale', 'clipped at'
 GAINS = {REVERSED: (-1.0, 0.1), NO_EFFECT: (0.0, 0.03), SCALE: (1.5, 1.5)}
@@ -291,16 +291,15 @@ class DriveModel:
 
     def load(self, columns: FloatArray) -> Cause:
         """
-        Return the cause of a load, or of one that only the model has, which is rarer.
+        Return the cause of a load; `columns` (k, n, 4) are torques per m and m c.
 
-        `columns` (k, n, 4) are torques per m and m c.
+        A negative mass is that of a tool that the model has and the arm has not, which is rarer.
         """
         reach = np.array((1.0, *3 * (LOAD_REACH,)))
         lever = (np.abs(columns) * reach / self.joints.limit[:, np.newaxis]).max(initial=1e-9)
         heaviest = LOAD / lever
         evidence, (mass, *_) = self.common(-columns, heaviest * reach)
-        return Cause(MISSING, ALL, evidence) if mass < -0.5 * heaviest else Cause(
-            LOADED, ALL, evidence + LOAD_ODDS)
+        return Cause(LOADED, ALL, evidence + (LOAD_ODDS if mass > -0.5 * heaviest else 0.0))
 
     def common(self, columns: FloatArray, spread: FloatArray) -> tuple[float, FloatArray]:
         """

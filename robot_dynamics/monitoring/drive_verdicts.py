@@ -20,7 +20,6 @@ from robot_dynamics.monitoring.drive_causes import (
     GAINS,
     GRAVITY,
     Joints,
-    MISSING,
     NO_EFFECT,
     REVERSED,
     SCALE,
@@ -55,7 +54,6 @@ _REMEDIES = {
     CLIPPED: 'something limits the effort: the limit or mode of the drive, <safety_controller>',
     GRAVITY: 'the robot or another controller compensates gravity: set robot_compensates: '
              '[gravity], or end the other controller',
-    MISSING: 'remove from the model a tool that the arm does not carry',
     TILTED: 'set gravity, or mount the base as in the URDF',
     DELAYED: 'lower gains.natural_frequency, or shorten the way of the command'}
 
@@ -81,8 +79,7 @@ def candidates(found: Comparison, joint: int | None = None) -> list[Cause]:
 
     `joint` is the number of the joint whose drive is known to be wrong, or ALL, None if unknown.
     """
-    first = found.wrong[0]
-    if first.name == MISSING or first.evidence < found.right + CERTAIN:
+    if found.wrong[0].evidence < found.right + CERTAIN:
         return []
     wrong = [cause for cause in found.wrong if joint in (None, cause.joint)]
     best, similar = wrong[0], dict[str, Cause]()
@@ -138,7 +135,6 @@ def _sentence(cause: Cause) -> str:
     evidence = {
         **dict.fromkeys(GAINS, f'the motion needs {gain} of the command'),
         CLIPPED: f'the motion needs no more than {gain}, whatever is commanded',
-        MISSING: 'the motion needs less than a load of the model',
         GRAVITY: 'the motion needs g(q) more than the command at all joints',
         TILTED: f'the motion needs a gravity of {np.round(cause.gravity, 1).tolist()} m/s² in the '
                 f'base frame, tilted by {cause.value:.0f}°',

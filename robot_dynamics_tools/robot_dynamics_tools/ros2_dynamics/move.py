@@ -334,7 +334,7 @@ def _reached(watch: MotionWatch, data: dict[str, Any], kinds: Mapping[str, str])
     return Answer(
         data, f'{text}\n' + units.table(names, {
             f'goal [{units.position}]': _cells(goal),
-            f'reached [{units.position}]': _cells(position),
+            f'reached [{units.position}]': _cells(np.subtract(goal, error)),
             f'error [{units.error}]': _cells(1e3 * error)}),
         1 if away or not data['at_rest'] else 0)
 
