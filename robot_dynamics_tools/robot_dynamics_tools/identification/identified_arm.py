@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.joints.effort_calibration import EffortCalibration, LARGEST_OFFSET
+from robot_dynamics.joints.effort_calibration import LARGEST_OFFSET
 from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.regressor import body_names, COUNT, inertial_parameters
@@ -164,12 +164,6 @@ def fitted_offset(fit: Fit) -> FloatArray:
     return np.asarray(fit.joint_values[:, friction_regressor.OFFSET].sum(axis=1))
 
 
-def _with_offset(drive: EffortCalibration, offset: FloatArray) -> FloatArray:
-    """Return the offset (n,) of a drive with that of a fit, as far as it is permitted."""
-    most = LARGEST_OFFSET * drive.limit
-    return np.clip(drive.offset + offset / drive.scale, -most, most)
-
-
 def parameter_values(
     arm: ArmModel, fit: Fit, drive_gain: Sequence[float] | None = None,
     given: Mapping[str, object] | None = None, is_stiffness: bool = False,
@@ -208,16 +202,17 @@ def parameter_values(
         # N = 1: only N K_t was identified.
         values['actuator.gear_ratio'] = [1.0]
         values['actuator.torque_constant'] = rounded(gain.tolist())
-    if arm.drive is not None or offset.any():
-        drive = arm.given_drive
-        values['effort.command_scale'] = rounded(drive.scale.tolist())
-        values['effort.command_offset'] = rounded(_with_offset(drive, offset).tolist())
+    if arm.drive is not None:
+        values['effort.command_scale'] = rounded(arm.drive.scale.tolist())
+        values['effort.command_offset'] = rounded(arm.drive.offset.tolist())
     if arm.report is not None or (sign < 0.0).any() or offset.any():
         given_report = arm.given_report
         report = replace(
             given_report, scale=sign * given_report.scale, offset=gain * given_report.offset)
         values['effort.report_scale'] = rounded(report.scale.tolist())
-        values['effort.report_offset'] = rounded(_with_offset(report, offset).tolist())
+        most = LARGEST_OFFSET * report.limit
+        values['effort.report_offset'] = rounded(
+            np.clip(report.offset + offset / report.scale, -most, most).tolist())
         if report.covariance is not None:
             slope = np.concatenate([sign, gain])
             C = report.covariance * np.outer(slope, slope)

@@ -65,8 +65,9 @@ def file_notes(identification: Identification, urdf: str) -> list[str]:
             arm.joint_names, identified_arm.fitted_offset(fit)) if offset]
     if offsets:
         notes.append(
-            f'The offset F_b is part of every commanded effort: {", ".join(offsets)} (N·m or N). '
-            'If the effort sensor has it and the drive does not, set effort.command_offset to 0.')
+            f'The offset F_b of the measured effort, {", ".join(offsets)} (N·m or N), is '
+            'effort.report_offset, and is not commanded. If the drive has it, set '
+            'effort.command_offset, too.')
     kept = identified_arm.kept_fractions(urdf, arm, fit.parameters)
     if kept:
         listed = ', '.join(f'{link} {100.0 * share:.3g} %' for link, share in kept.items())

@@ -113,7 +113,7 @@ def test_the_parameter_file_needs_no_other_file(output):
     assert 'robot_description_file' not in values
     assert values['robot_description'] == (output / 'identified.urdf').read_text()
     assert values['command'] == 'none'
-    assert '# The offset F_b is part of every commanded effort: joint1 ' in text
+    assert '# The offset F_b of the measured effort, joint1 ' in text
     # reflected inertia without motor data: no currents
     assert not any(name.startswith(('actuator.torque', 'actuator.gear')) for name in values)
 
