@@ -25,7 +25,7 @@ wrong judgement costs only bandwidth:
 A joint does not stop between two samples: at a constant deceleration, its last step is at most a
 third of the step before. If its position repeats bit by bit although its last two steps, of more
 than INCREMENTS, were equal within a factor of 2, and it was faster than REST_SPEED, its sample is
-missing, unless a new velocity says that it stands. Until its position changes it moves on with its
+missing, unless a new velocity reports a stop. Until its position changes it moves on with its
 last velocity and the acceleration of its reference, so that its error stays as it was. After
 STATE_TIMEOUT the joint has no signal: the fault brakes it, and its velocity is assumed to decay
 with DECAY, as far as the limits of the effort let the arm brake. A slower joint may stand. It has

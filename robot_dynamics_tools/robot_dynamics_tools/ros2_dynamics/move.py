@@ -46,7 +46,7 @@ STILL = {'prismatic': 4e-4}
 REST_TIME = 0.5
 """[s] by the stamps without motion after which the arm is at rest."""
 _RELIABLE, _NEWEST = QoSProfile(depth=100), QoSProfile(depth=1)
-"""References that wait on a busy machine would be taken for the present one."""
+"""References that wait on a busy machine would count as the present one."""
 
 
 class MotionWatch:
