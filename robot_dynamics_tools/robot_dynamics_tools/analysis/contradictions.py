@@ -67,6 +67,7 @@ LARGEST_OFFSET = np.radians(20.0)
 LARGEST_TRAVEL = 20.0
 """Travel [rad] of a joint that may be in degrees."""
 _REGULARIZATION = 10.0
+_RELINEARIZATIONS = 2
 _ANY_LOAD = 1e-3
 _WIDTHS = (0.01, 0.05, 0.2)
 _DISTANCES = (0.003, 0.03)  # rad; without presliding friction, a delay explains its hysteresis
@@ -125,7 +126,7 @@ def find_contradictions(
     `motion` has the effort at the joints of `arm`, in its order. With `has_load`, the last link
     may carry any load. Raises RecordingError if the motion is in degrees.
     """
-    test = _Test(arm, motion)
+    test, given = _Test(arm, motion), np.asarray(arm.pinocchio_model.gravity.linear)
     accepted, cost, least_gain = _Hypothesis(), test.fit(_Hypothesis()).cost, 0.0
     _check_degrees(arm, motion, cost - test.freedom * LEAST_GAIN)
     for _ in range(_MOST_CAUSES if test.freedom else 0):
@@ -141,11 +142,15 @@ def find_contradictions(
         accepted, cost, least_gain = accepted | each, least, gain
     if test.freedom and test.is_slow and np.median(test.fit(accepted).residual) > UNEXPLAINED:
         return 0.0, (_swapped_joints(arm, motion, cost - test.freedom * LEAST_GAIN),)
+    for _ in range(_RELINEARIZATIONS if test.gravity in accepted.columns else 0):
+        # the error of a mass has to act along the gravity that was found
+        found = np.asarray(test.arm.pinocchio_model.gravity.linear) + test.gravity_change(accepted)
+        test = _Test(arm.with_gravity(found), motion)
     far = _far_gravity(test, accepted, has_load)
     if far:  # bodies of another arm, whose inertia and gravity differ by other factors
         accepted = replace(accepted, columns=tuple(
             column for column in accepted.columns if column >= test.gravity + 3))
-    return test.refined_delay(accepted), (*test.causes(accepted), *far)
+    return test.refined_delay(accepted), (*test.causes(accepted, given), *far)
 
 
 def _swapped_joints(arm: ArmModel, motion: FilteredMotion, cost: float) -> str:
@@ -375,8 +380,13 @@ class _Test:
         curvature = low - 2.0 * middle + high
         return accepted.delay + (0.5 * step * (low - high) / curvature if curvature > 0.0 else 0.0)
 
-    def causes(self, accepted: _Hypothesis) -> Iterator[str]:
-        """Yield a sentence per accepted cause."""
+    def gravity_change(self, accepted: _Hypothesis) -> FloatArray:
+        """Return what an accepted vector of gravity has more than that of `arm` (3,)."""
+        found = dict(zip(accepted.columns, self.fit(accepted).values.tolist()))
+        return np.array([found[self.gravity + axis] for axis in range(3)])
+
+    def causes(self, accepted: _Hypothesis, given: FloatArray) -> Iterator[str]:
+        """Yield a sentence per accepted cause; `given` is the gravity of the URDF (3,)."""
         names, first = self.arm.joint_names, self.gravity
         found = dict(zip(accepted.columns, self.fit(accepted).values.tolist()))
         if accepted.unit != 1.0:
@@ -389,8 +399,8 @@ class _Test:
         for i, j in zip(accepted.swapped[::2], accepted.swapped[1::2]):
             yield f'the efforts of {names[i]} and {names[j]} are swapped'
         if first in found:
-            g = np.asarray(self.arm.pinocchio_model.gravity.linear)
-            yield _of_gravity(g, g + np.array([found[first + axis] for axis in range(3)]))
+            yield _of_gravity(given, np.asarray(self.arm.pinocchio_model.gravity.linear)
+                              + self.gravity_change(accepted))
         for j, name in enumerate(names):
             if first + 3 + j in found:
                 value, unit = found[first + 3 + j], 'm'
@@ -417,6 +427,6 @@ def _of_gravity(g: FloatArray, found: FloatArray) -> str:
         return (f'the effort of gravity is {size:.2g} times that of the URDF: '
                 f'{"gravity is added twice, " if is_twice else ""}another arm, another URDF, a '
                 'load, or another unit of the effort')
-    listed = ', '.join(f'{x:.3g}' for x in found)
+    listed = ', '.join(f'{x:.3g}' for x in found / size)
     return (f'the base is tilted by {np.degrees(angle):.0f}°: gravity is about ({listed}) m/s² '
             'in its frame (parameter `gravity`)')

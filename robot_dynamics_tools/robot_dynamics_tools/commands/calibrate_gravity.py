@@ -226,5 +226,5 @@ def _print(found: recorded_holds.RecordedCalibration, written: Sequence[Path]) -
     for name, grade, text, step in verdicts:
         print(f'  {name}: {grade.value[0]}: {text}. Next step: {step}')
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in written))
-    for note in report.notes(found.calibration):
+    for note in filter(None, (found.mount, *report.notes(found.calibration))):
         print(note)

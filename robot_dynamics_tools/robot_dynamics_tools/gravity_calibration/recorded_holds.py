@@ -17,12 +17,15 @@ from robot_dynamics.model.payload import Payload
 from robot_dynamics_tools.analysis import arm_recording
 from robot_dynamics_tools.gravity_calibration.calibration import calibrate_holds, Calibration
 from robot_dynamics_tools.gravity_calibration.holds import find_holds, Hold
+from robot_dynamics_tools.gravity_calibration.reported_gravity import explanations
 from robot_dynamics_tools.gravity_calibration.scale_fit import Tool
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.tables import TableRecording
 
 COMMAND = 'effort_command'
 """The topic of the command, in any namespace."""
+LEAST_TILT = np.radians(10.0)
+"""Errors of the masses of a URDF look like a smaller tilt."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +49,14 @@ class RecordedCalibration:
     """
     A calibration, and the holds that it is from: without the weight, and with it if known.
 
-    `command` is the calibration of the command, None if a recording has no commands.
+    `command` is the calibration of the command, None if a recording has no commands. `mount` says
+    that the base is tilted, empty if the holds do not show it.
     """
 
     calibration: Calibration
     recorded: tuple[RecordedHolds, ...]
     command: Calibration | None = None
+    mount: str = ''
 
 
 def calibrate_recordings(
@@ -66,15 +71,29 @@ def calibrate_recordings(
     """
     recorded = [read_holds(group, settings) for group in (bags, weighted_bags) if group]
     _check_joints(recorded)
-    arm = recorded[0].arm
+    arm, mount = recorded[0].arm, tilt(recorded[0].arm, recorded[0].holds)
 
     def calibrated(holds: Sequence[tuple[Hold, ...]], arm: ArmModel) -> Calibration:
-        return calibrate_holds(arm, holds[0], holds[1] if weighted_bags else (), weight, tool)
+        try:
+            return calibrate_holds(arm, holds[0], holds[1] if weighted_bags else (), weight, tool)
+        except InvalidInputError as error:
+            raise InvalidInputError('. '.join(filter(None, (str(error), mount)))) from error
 
     return RecordedCalibration(
         calibrated([one.holds for one in recorded], arm), tuple(recorded),
         calibrated([one.commanded for one in recorded], replace(arm, report=arm.drive))
-        if all(one.commanded for one in recorded) else None)
+        if all(one.commanded for one in recorded) else None, mount)
+
+
+def tilt(arm: ArmModel, holds: Sequence[Hold]) -> str:
+    """Return that the base is tilted, if it is in each likely explanation of the holds."""
+    q, effort = (np.array([getattr(hold, name) for hold in holds]).reshape(-1, arm.joint_count)
+                 for name in ('position', 'effort'))
+    found = explanations(arm, q, arm.given_report.torque(effort))
+    if not len(holds) or any(one.angle[0] < LEAST_TILT for one in found):
+        return ''
+    return (f'The holds look as if {found[0].words(arm.joint_names)}: set gravity in --parameters '
+            'to that of the mount')
 
 
 def read_holds(bags: Sequence[Path], settings: arm_recording.AnalysisSettings) -> RecordedHolds:

@@ -160,7 +160,8 @@ def _more(found: Calibration) -> str:
 def calibration_page(found: recorded_holds.RecordedCalibration, origin: Origin) -> str:
     """Return the report; raise MissingDependencyError without matplotlib."""
     calibration = found.calibration
-    lines = [line for one in found.recorded for line in one.lines]
+    lines = [*filter(None, [found.mount]), *(
+        line for one in found.recorded for line in one.lines)]
     page = Page(
         f'{calibration.arm.name}: calibration of gravity', joint_verdicts(calibration), RULE,
         origin)

@@ -10,6 +10,8 @@ import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.urdf.values import rotation
+from robot_dynamics_tools.gravity_calibration.holds import Hold
+from robot_dynamics_tools.gravity_calibration.recorded_holds import tilt
 from robot_dynamics_tools.gravity_calibration.reported_gravity import explanations
 
 ARM = load_arm('ur10')
@@ -56,3 +58,13 @@ def test_upside_down_and_all_reports_reversed_are_named_together():
     words = ' or '.join(said(friction=0.0, **dict.fromkeys(ARM.joint_names, -1.0)))
     assert 'tilted by 180°' in words
     assert f'{LIFT} -1.00, {ELBOW} -1.00' in words
+
+
+@pytest.mark.parametrize(('gravity', 'said'), [
+    ((0.0, 9.81, 0.0), 'the base is tilted by 90°'), ((0.0, 0.0, -9.81), '')])
+def test_calibrate_gravity_says_how_the_base_is_mounted(gravity, said):
+    q = np.random.default_rng(1).uniform(-2.0, 2.0, (8, 6))
+    efforts = RigidBody(ARM.with_gravity(gravity)).gravity_batch(q)
+    words = tilt(ARM, [Hold(0.0, 1.0, *each, np.ones(6, int)) for each in zip(q, efforts)])
+    assert said in words
+    assert bool(said) == bool(words)
