@@ -75,6 +75,8 @@ class Endings:
             was_followed = controller.trajectory is not None
             if was_followed:
                 fault = supervisor.recurring.count(fault, now)
+                if supervisor.recurring.is_driven:
+                    supervisor.fault = fault
             self._goals.end(Ending.by(fault))
             if was_followed:
                 self._stop()

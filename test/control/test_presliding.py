@@ -101,7 +101,7 @@ def test_random_gearboxes_come_to_rest(seed, seen):
     move(one)
     while not one.loop.controller.has_stopped:
         one.run(0.5)
-    speed, change = calm(one, 2.0)
+    speed, change = calm(one, 3.0)  # gains that an oscillation has lowered grow again for 2 s
     seen(f'{case}: {speed:.2g} rad/s, {change:.2g} F_c, {one.loop.supervisor.fault_count} faults')
     assert speed < 1e-3
     assert change < 0.05

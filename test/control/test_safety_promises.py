@@ -263,10 +263,11 @@ def test_without_a_ramp_time_the_effort_limit_ends_in_100_ms():
     assert STEP * (1 + np.flatnonzero(effort == 0.0)[0]) == pytest.approx(0.1, abs=3e-3)
 
 
-@pytest.mark.parametrize(('count', 'last', 'waits'), [
-    (2, 1.0, False), (3, 9.9, True), (3, 10.1, False)])
-def test_three_faults(count, last, waits):
-    """Three faults; command.md: within 10 s."""
+@pytest.mark.parametrize(('count', 'last', 'waits', 'damped'), [
+    (2, 1.0, False, False), (3, 9.9, True, False), (3, 10.1, False, False),
+    (5, 1.0, True, False), (6, 1.0, True, True)])
+def test_three_faults(count, last, waits, damped):
+    """Three faults; command.md: within 10 s, and three more of the arm that is held."""
     one = Fed(safety={'state_timeout': 30.0}).states(5)
     for k in range(count):
         if k == count - 1:
@@ -274,7 +275,9 @@ def test_three_faults(count, last, waits):
         one.loop.end(one.now, Ending.by(Fault('overspeed', 'words')))
         one.states(2)
     assert (one.loop.obstacle != '') == waits
+    assert (one.states(500).fault != '') == damped
     assert one.loop.reset()[0] == waits
+    one.state()
     assert one.loop.obstacle == ''
 
 

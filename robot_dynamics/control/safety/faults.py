@@ -38,24 +38,34 @@ class Fault:
 
 
 class RecurringFaults:
-    """Lets references wait for a reset after many faults of the motion; the arm is held."""
+    """
+    Lets references wait for a reset after many faults of the motion; the arm is held.
+
+    If as many follow although the arm is only held, the law drives it: then it is damped until
+    the reset.
+    """
 
     def __init__(self) -> None:
         self.fault: Fault | None = None
         """The fault that has recurred, until `reset`."""
+        self.is_driven = False
+        """Whether as many faults followed while the arm was only held."""
         self._times = deque[float](maxlen=RECURRENCES)
 
     def count(self, fault: Fault, now: float) -> Fault:
         """Return a fault that has ended a reference, or the one that has recurred with it."""
-        if self.fault is None and fault.name in (FOLLOWING_ERROR, OVERSPEED):
+        if fault.name in (FOLLOWING_ERROR, OVERSPEED):
             self._times.append(now)
             if len(self._times) == RECURRENCES and now - self._times[0] <= RECURRENCE_TIME:
+                self._times.clear()
+                self.is_driven = self.fault is not None
                 self.fault = replace(fault, latched=True, message=(
                     f'{fault.message}; {RECURRENCES} faults of the motion within '
-                    f'{RECURRENCE_TIME:g} s'))
+                    f'{RECURRENCE_TIME:g} s' + ', again while the arm is only held: it is damped'
+                    * self.is_driven))
         return self.fault or fault
 
     def reset(self) -> None:
         """Let references be followed again."""
-        self.fault = None
+        self.fault, self.is_driven = None, False
         self._times.clear()

@@ -181,6 +181,7 @@ class CommandSupervisor:
         if self.mode is Mode.FAULT and not self._good:
             return False, f'{persists}no valid joint state has been received since'
         self.fault = replace(fault, latched=False)
+        self.recurring.reset()
         self._good = 0
         return True, f'reset {fault.name}: {fault.message}'
 
