@@ -24,6 +24,7 @@ from robot_dynamics.ros.middleware.rclpy_internals import RclError, UnknownArgum
 from robot_dynamics.ros.middleware.shutdown import ends_in_time, ShutdownRequest
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage, outside_of_ros_args
 from robot_dynamics.ros.parameters.parameter_file import check_sections
+from robot_dynamics.ros.unblocked_output import STDERR, unblocked_stderr
 
 LONGEST_TURN = 0.0001
 """[s] after which Python switches to a waiting thread, such as control; default: 0.005 s."""
@@ -57,6 +58,8 @@ def run_node(
     if others:
         print(usage.refusal(others), file=sys.stderr)
         return 2
+    if os.isatty(STDERR):  # rcutils colours no messages that go through a pipe
+        os.environ.setdefault('RCUTILS_COLORIZED_OUTPUT', '1')
     with ShutdownRequest() as end:
         try:
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
@@ -65,14 +68,15 @@ def run_node(
         node = None
         executor = SingleThreadedExecutor()
         try:
-            node = make_node()
-            check_sections(node, arguments)
-            executor.add_node(node)
-            end.when_asked(_when_asked(node))
-            limit_memory()
-            expect_no_garbage()
-            sys.setswitchinterval(LONGEST_TURN)
-            _spin(executor, node, end)
+            with unblocked_stderr():
+                node = make_node()
+                check_sections(node, arguments)
+                executor.add_node(node)
+                end.when_asked(_when_asked(node))
+                limit_memory()
+                expect_no_garbage()
+                sys.setswitchinterval(LONGEST_TURN)
+                _spin(executor, node, end)
         except (RobotDynamicsError, ParameterException, *MiddlewareError) as error:
             return _refuse_to_start(error)
         finally:
