@@ -18,7 +18,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.effort_convention import joint_effort_at_rest, MOTOR_SIDE
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms, RigidBody, TermSeries
+from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics_tools.analysis.arm_recording import (
     AnalysisSettings,
@@ -27,6 +27,7 @@ from robot_dynamics_tools.analysis.arm_recording import (
 )
 from robot_dynamics_tools.analysis.contradictions import corrected
 from robot_dynamics_tools.analysis.motion_filter import filter_motion, FilteredMotion
+from robot_dynamics_tools.estimation.model_terms import model_terms, TermSeries
 
 _ROUNDING = 1e-12
 """Fraction of the mean square; a signal with a smaller variance is a constant."""

@@ -15,7 +15,8 @@ import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics_tools.estimation.model_terms import model_terms
 from robot_dynamics_tools.monitoring.low_pass import StateFilter
 
 NOISE_BANDWIDTH = 0.25 * math.pi * math.sqrt(2.0)

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics_tools.analysis.bag_analysis import merged_statistics, residual_statistics
+from robot_dynamics_tools.estimation.model_terms import model_terms
 from robots import robot_urdf
 
 # A warning of numpy indicates a number that the code did not check.
