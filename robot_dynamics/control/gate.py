@@ -7,20 +7,12 @@ What is known of each joint now: the only place that judges the measured values 
 A state that cannot follow the last one, by its stamp or its position, is missing as a whole
 (`state_plausibility`). Then each joint is judged.
 
-The velocity of a joint is the measured one as long as it agrees with the positions, else the
-difference quotient d of the positions over SPAN_NS, or over one period of the states if that is
-longer: v = (q_k − q_j) / (t_k − t_j) with t_k − t_j ≥ SPAN_NS. It is late by half of this span
-(P. R. Bélanger, "Estimation of angular velocity and acceleration from shaft encoder measurements",
-IEEE Int. Conf. Robotics and Automation, 1992). No velocity can therefore drive an arm away, and a
-wrong judgement costs only bandwidth:
-
-- A sample further than FAR velocity limits from d, or exactly 0 in motion, is missing: the last
-  velocity is used and nothing is learned, for MISSED samples in a row. If the position has then
-  moved by more than PLAY, it has jumped: the state is a first one at another place.
-- The displacement lies between the integrals of the last velocity and of the present one. What is
-  outside adds up, and is forgotten with the time constant MEMORY. If it is more than FLOOR + RATIO
-  times the displacement (resolution of encoders, scale of the velocity), the velocity is not used
-  until it has agreed in motion for AGREEMENT.
+The velocity of a joint is the measured one as long as it agrees with the positions
+(`velocity_agreement`), else the difference quotient d of the positions over SPAN_NS, or over one
+period of the states if that is longer: v = (q_k − q_j) / (t_k − t_j) with t_k − t_j ≥ SPAN_NS. It
+is late by half of this span (P. R. Bélanger, "Estimation of angular velocity and acceleration from
+shaft encoder measurements", IEEE Int. Conf. Robotics and Automation, 1992). No velocity can
+therefore drive an arm away, and a wrong judgement costs only bandwidth.
 
 A joint does not stop between two samples: at a constant deceleration, its last step is at most a
 third of the step before. If its position repeats bit by bit although its last two steps, of more
@@ -44,28 +36,14 @@ from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
 from robot_dynamics.control.gains.oscillation import REST_SPEED
 from robot_dynamics.control.laws.error_feedback import DEFAULT_NATURAL_FREQUENCY
 from robot_dynamics.control.safety.faults import STATE_TIMEOUT
-from robot_dynamics.monitoring.state_plausibility import (
-    LARGEST_SPEED,
-    PLAY,
-    StatePlausibility,
-    StateVerdict,
-)
+from robot_dynamics.monitoring.state_plausibility import StatePlausibility, StateVerdict
+from robot_dynamics.monitoring.velocity_agreement import AGREEMENT, FLOOR, VelocityAgreement
 from robot_dynamics.trajectories.interpolation import Reference
 
 SPAN_NS = round(1e9 * LOOP_DELAY)
 """[ns]: half of it adds to the delay of the loop."""
 LEAST_SPAN_NS = SPAN_NS // 4
 """Stamps of a shorter span, after a first state, are too inexact."""
-FAR, MISSED = 0.5, 2
-"""Share of the velocity limit, which is at most LARGEST_SPEED, and samples."""
-FLOOR, RATIO = 0.003, 0.3
-"""[rad] or [m], and share of the displacement, that integral and displacement may differ: encoders
-of 2000 steps per turn, and an error of the scale."""
-MEMORY, AGREEMENT = 0.1, 1.0
-"""[s] over which integral and displacement are compared, and of motion in which they agree until a
-velocity is used again."""
-MOVING = 0.1
-"""[rad/s] or [m/s] above which a velocity of 0 is a missing sample."""
 INCREMENTS = 2.5
 """Increments of an encoder, which are the smallest step of its joint so far: a shorter step may be
 one in which the joint has stopped."""
@@ -116,9 +94,7 @@ class Gate:
         self.plausibility = StatePlausibility(joint_names, velocity_limit, max_age, wraps)
         self._reference, self._is_held, self._is_commanded = reference, is_held, is_commanded
         self._wraps, self._any_wraps = wraps, bool(wraps.any())
-        self._far: list[float] = (FAR * np.minimum(velocity_limit, LARGEST_SPEED)).tolist()
-        self._agreed = [AGREEMENT] * len(wraps)
-        """[s] in motion for which the velocity of each joint has agreed with its positions."""
+        self._velocities = VelocityAgreement(velocity_limit)
         self._none: BoolArray = np.zeros(len(wraps), dtype=bool)
         self._measured: FloatArray = np.full(len(wraps), np.nan)
         self._measured_v: FloatArray | None = None
@@ -134,15 +110,7 @@ class Gate:
         self._signals = Signals(q, zero, verdict)
         self._ways: deque[tuple[int, FloatArray]] = deque([(verdict.stamp, q)], maxlen=_MOST)
         """Stamps [ns], and the sums (n,) of the steps until then."""
-        self._integral, self._moved, self._way = ([0.0] * len(q) for _ in range(3))
-        """Of each joint the excess of the displacement over the integral, and the displacement;
-        and the way while samples of the velocity are missing."""
-        self._missed = [0] * len(q)
-        """Samples in a row of each velocity that are missing."""
-        self._before: list[float] | None = None
-        """Velocities of the last state."""
-        self._has_jumped = False
-        """Whether a position has jumped by more than PLAY between velocities that agree."""
+        self._velocities.restart()
         self._steps = ((1.0, zero), (1.0, zero))
         """Durations [s] and lengths (n,) of the last two steps."""
         self._missing_ns = np.zeros(len(q), dtype=np.int64)
@@ -162,7 +130,7 @@ class Gate:
     @property
     def doubtful(self) -> BoolArray:
         """Whether the measured velocity of each joint is not used, because it is wrong, (n,)."""
-        return np.array(self._agreed) < AGREEMENT
+        return self._velocities.doubtful
 
     def take(
         self, stamp_ns: int, q: FloatArray, v: FloatArray | None, clock_ns: int | None = None,
@@ -224,8 +192,9 @@ class Gate:
         d = (end - begin) / span if stamp_ns - begin_ns >= LEAST_SPAN_NS else last_v
         if self._is_missing:
             d = np.where(self._missing_ns > 0, last_v, d)
-        used, is_late = (d, True) if v is None else self._agreeing(dt, d, v, step)
-        if self._has_jumped:
+        used, is_late = (d, True) if v is None else self._velocities.used(
+            dt, d, v, step, last_v, self._missing_ns)
+        if self._velocities.has_jumped:
             return self._first(verdict._replace(restart='jump'), q)
         self._steps = self._steps[1], (dt, step)
         if not self._is_missing:
@@ -233,44 +202,6 @@ class Gate:
         self._signals = Signals(
             q, used, verdict, 0.5 * span if is_late else 0.0, self._lost)
         return self._signals
-
-    def _agreeing(
-        self, dt: float, d: FloatArray, v: FloatArray, step: FloatArray,
-    ) -> tuple[FloatArray, bool]:
-        """Return the measured velocities that agree, else d, (n,), and whether d is needed."""
-        used, is_late, keep = v.tolist(), False, max(1.0 - dt / MEMORY, 0.0)
-        integral, moved, agreed, missed = self._integral, self._moved, self._agreed, self._missed
-        before = self._before or v.tolist()
-        for j, (v_j, d_j, step_j, far, last, b_j, missing_ns) in enumerate(zip(
-                v.tolist(), d.tolist(), step.tolist(), self._far, self._signals.v.tolist(), before,
-                self._missing_ns.tolist())):
-            if missing_ns:
-                v_j = d_j
-            elif not -far <= v_j - d_j <= far or v_j == 0.0 and not -MOVING <= d_j <= MOVING:
-                missed[j] += 1
-                self._way[j] += step_j
-                if missed[j] <= MISSED:
-                    used[j] = last
-                    continue
-                v_j, agreed[j] = d_j, 0.0
-            elif missed[j]:
-                if missed[j] <= MISSED and not -PLAY <= self._way[j] + step_j <= PLAY:
-                    self._has_jumped = True
-                missed[j], self._way[j] = 0, 0.0
-            low, high = (dt * b_j, dt * v_j) if b_j < v_j else (dt * v_j, dt * b_j)
-            beyond = step_j - low if step_j < low else step_j - high if step_j > high else 0.0
-            integral[j] = w = keep * integral[j] + beyond
-            moved[j] = m = keep * moved[j] + step_j
-            before[j] = v_j
-            if not -FLOOR <= w <= FLOOR and not abs(w) <= FLOOR + RATIO * abs(m):
-                agreed[j] = 0.0
-            elif agreed[j] < AGREEMENT and not missed[j] and abs(m) > FLOOR:
-                agreed[j] += dt
-            if agreed[j] < AGREEMENT:
-                is_late, v_j = True, d_j
-            used[j] = v_j
-        self._before = before
-        return np.array(used), is_late
 
     def _moves(self, v: FloatArray | None, before: FloatArray | None) -> BoolArray:
         """Return which joints (n,) have no new velocity that is less than half of the last one."""
