@@ -157,8 +157,9 @@ class Session:
         joints = arguments.joints or self._given.get('joints') or (
             self._receiver.joints if self._receiver is not None else ())
         urdf, arm = description.checked_arm(
-            urdf, source, joints, max(layouts, key=len), self._given,
-            {name: limits for name, *limits in arguments.limit}, self._may_ask, checks)
+            urdf, source, joints, log.recorded.joint_names if joints else max(layouts, key=len),
+            self._given, {name: limits for name, *limits in arguments.limit}, self._may_ask,
+            checks)
         if arm is not None:
             self.settings[DESCRIPTION] = urdf, f'of {source}, with the limits of the checks'
             self.arm = self._set_up(arm, source)

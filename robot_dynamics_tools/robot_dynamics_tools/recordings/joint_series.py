@@ -141,21 +141,58 @@ class RecordedJointStates:
             state._replace(joint_names=tuple(names.get(name, name) for name in state.joint_names))
             for state in self.states))
 
+    def joined(self, joint_names: Sequence[str]) -> 'RecordedJointStates':
+        """
+        Return the messages with most of these joints, with all of them, those of others between.
+
+        A value is interpolated from the messages before and after, at most two periods apart.
+        """
+        together = self.together(joint_names)
+        base = [state for state in self.states if set(together) <= set(state.joint_names)]
+        stamps = np.array([self._time(state) for state in base])
+        columns = {field: np.stack([
+            self._between(stamps, name, field) for name in joint_names], axis=1)
+            for field in FIELDS}
+        return replace(self, states=tuple(
+            RecordedState(state.row, tuple(joint_names), int(stamps[i]), {
+                field: values[i] for field, values in columns.items()})
+            for i, state in enumerate(base)))
+
+    def _time(self, state: RecordedState) -> int:
+        """Return the stamp of a message, or the time of its recording if it has none [ns]."""
+        return state.stamp_ns or int(self.times_ns[state.row])
+
+    def _between(self, stamps_ns: IntArray, name: str, field: str) -> FloatArray:
+        """Return a field of a joint at these stamps (m,), NaN where its messages are apart."""
+        own = [(self._time(state), state.values[field][state.joint_names.index(name)])
+               for state in self.states if name in state.joint_names and field in state.values]
+        if len(own) < 2:
+            return np.full(len(stamps_ns), np.nan)
+        times, values = np.array(sorted(own)).T
+        after = np.clip(np.searchsorted(times, stamps_ns), 1, len(times) - 1)
+        is_far = times[after] - times[after - 1] > 2.5 * np.median(np.diff(times))
+        return np.where(is_far & ~np.isin(stamps_ns, times), np.nan, np.interp(
+            stamps_ns, times, values, left=np.nan, right=np.nan))
+
     def series(self, joint_names: Sequence[str] = ()) -> JointSeries:
         """
         Return the samples of these joints, in this order; empty means those of the first message.
 
-        Times are the header stamps, or the recording times if all stamps are zero. Raises
-        RecordingError if no message has these joints, or a complete sample of them.
+        Times are the header stamps, or the recording times if all stamps are zero. Joints that
+        come in several messages are `joined`. Raises RecordingError if no message has a joint, or
+        a complete sample.
         """
         names = tuple(joint_names or next(iter(self.layouts), ()))
+        if set(names) <= set(self.joint_names) and len(self.together(names)) < len(names):
+            return self.joined(names).series(names)
         places = {layout: np.array([layout.index(name) for name in names])
                   for layout in self.layouts if names and set(names) <= set(layout)}
         states = [state for state in self.states if state.joint_names in places]
         if not states:
             raise RecordingError(
-                f'{self.source} has no message with all of the joints {list(names)}; '
-                f'it has {sorted(self.joint_names)}')
+                f'{self.source} has no message with the joints '
+                f'{[name for name in names if name not in self.joint_names]}; it has '
+                f'{sorted(self.joint_names)}')
         stamps = np.array([state.stamp_ns for state in states], dtype=np.int64)
         arrival_times = not stamps.any()
         if arrival_times:

@@ -262,7 +262,7 @@ def test_wrong_questions_are_refused(recording):
     with Recording(recording) as opened:
         with pytest.raises(RecordingError, match=DYNAMICS_TERMS):
             opened.joint_series('/terms')
-        with pytest.raises(RecordingError, match=r"\['a', 'c'\]; it has \['a', 'b'\]"):
+        with pytest.raises(RecordingError, match=r"the joints \['c'\]; it has \['a', 'b'\]"):
             opened.joint_series('/joint_states', ['a', 'c'])
 
 
