@@ -93,7 +93,7 @@ def test_deactivation_ramps_to_zero_for_a_receiver_that_keeps_the_last_effort():
     t, efforts = course(one, START + 0.04)
     assert efforts[:-1] == pytest.approx(np.outer(1.0 - t[:-1] / RAMP_TIME, HOLD))
     assert efforts[-1].tolist() == [0.0, 0.0]
-    assert t[-1] == pytest.approx(one.options.ramp_time, abs=1.5 * PERIOD)
+    assert t[-1] == pytest.approx(RAMP_TIME, abs=1.5 * PERIOD)
     assert one.mode is Mode.INACTIVE
     assert [answer(one, START + 1.0, PUSH), one.tick(START + 1.1)] == SILENT
 
@@ -227,7 +227,7 @@ def test_the_hold_is_the_gravity_torque_of_the_newest_state():
     one.end(START, Ending.by(LATCHED))
     state = START + 0.1  # the last state
     assert answer(one, state, PUSH, OTHER_HOLD) == OTHER_HOLD.tolist()
-    begin = state + one.options.state_timeout
+    begin = state + 0.05  # state_timeout
     for moment in (state + 0.01, begin + 0.01, begin + 0.9 * HOLD_TIME):
         effort = one.tick(moment)
         assert effort.tolist() == OTHER_HOLD.tolist()

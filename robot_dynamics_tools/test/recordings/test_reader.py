@@ -71,7 +71,8 @@ def test_rosbags_alone_reads_it(recording):
     # Without a type store: the definitions have to be in the files.
     with AnyReader([recording]) as reader:
         assert {c.topic: c.msgtype for c in reader.connections} == {
-            '/joint_states': JOINT_STATE, '/terms': DYNAMICS_TERMS}
+            '/joint_states': 'sensor_msgs/msg/JointState',
+            '/terms': 'robot_dynamics_interfaces/msg/DynamicsTerms'}
         seen = [(c.topic, t, reader.deserialize(raw, c.msgtype)) for c, t, raw in
                 reader.messages()]
         qos = {c.topic: c.ext.offered_qos_profiles[0] for c in reader.connections}
@@ -91,7 +92,8 @@ def test_topics_and_metadata_are_those_of_rosbag2(recording):
         assert words in text
     with Recording(recording) as opened:
         assert [(t.name, t.message_type, t.message_count) for t in opened.topics] == [
-            ('/joint_states', JOINT_STATE, 5), ('/terms', DYNAMICS_TERMS, 5)]
+            ('/joint_states', 'sensor_msgs/msg/JointState', 5),
+            ('/terms', 'robot_dynamics_interfaces/msg/DynamicsTerms', 5)]
         assert opened.topic('/terms').qos == TopicQos(depth=7, transient_local=True)
         with pytest.raises(RecordingError, match=r"'/nothing'.*'/joint_states', '/terms'"):
             opened.topic('/nothing')
@@ -260,7 +262,7 @@ def test_a_message_that_cannot_be_decoded_is_refused(tmp_path):
 
 def test_wrong_questions_are_refused(recording):
     with Recording(recording) as opened:
-        with pytest.raises(RecordingError, match=DYNAMICS_TERMS):
+        with pytest.raises(RecordingError, match='robot_dynamics_interfaces/msg/DynamicsTerms'):
             opened.joint_series('/terms')
         with pytest.raises(RecordingError, match=r"\['a', 'c'\]; it has \['a', 'b'\]"):
             opened.joint_series('/joint_states', ['a', 'c'])
