@@ -95,10 +95,11 @@ def test_the_order_of_a_request_is_that_of_its_answer(robot):
     fields = {'joint_names': names, 'position': floats_to_ros(q[order]),
               'velocity': floats_to_ros(v[order])}
     response = robot.answer('inverse_dynamics', acceleration=floats_to_ros(a[order]), **fields)
-    tau = robot.dynamics.inverse_dynamics(q, v, a)
-    assert list(response.joint_names) == names
-    assert response.effort == pytest.approx(tau[order])
-    assert response.terms.effort == pytest.approx(tau[order])
+    terms = robot.dynamics.terms(q, v, a)
+    assert list(response.joint_names) == list(response.terms.joint_names) == names
+    assert response.effort == pytest.approx(terms.effort[order])
+    for name in ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort'):
+        assert getattr(response.terms, name) == pytest.approx(getattr(terms, name)[order])
     back = robot.answer('forward_dynamics', effort=response.effort, **fields)
     assert back.acceleration == pytest.approx(a[order], rel=1e-6, abs=1e-6)
     equation = robot.answer('manipulator_equation', include_christoffel=True, **fields)

@@ -6,24 +6,20 @@
 import re
 
 from builtin_interfaces.msg import Time
+from fuzz_law import over_the_wire
 from geometry_msgs.msg import WrenchStamped
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from rclpy.serialization import deserialize_message, serialize_message
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware import conversions
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
-from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 ARM = load_arm(default_arm_urdf())
@@ -32,22 +28,9 @@ READER = JointStateReader(NAMES)
 """A reader that gets messages with changing orders of the joints."""
 
 laws = settings(max_examples=50)
-numbers = st.floats(-1e6, 1e6)
-
-
-def over_the_wire(message: object) -> object:
-    """Return the message as a subscriber receives it."""
-    return deserialize_message(serialize_message(message), type(message))
 
 
 # --- arrays and stamps ---------------------------------------------------------------------------
-
-@laws
-@given(st.lists(numbers, min_size=1, max_size=12))
-def test_arrays_travel_to_the_last_bit(values):
-    message = over_the_wire(Float64MultiArray(data=conversions.floats_to_ros(np.array(values))))
-    assert np.frombuffer(message.data, dtype=np.float64).tolist() == values  # type: ignore
-
 
 def test_matrices_travel_row_by_row_whatever_their_layout():
     A = np.array([[1.0, 2.0], [3.0, 4.0]])
@@ -91,16 +74,6 @@ def test_no_payload_is_a_mass_of_zero_and_other_links_are_refused():
 
 # --- wrenches ------------------------------------------------------------------------------------
 
-def test_wrenches_arrive():
-    message = WrenchStamped()
-    message.header.frame_id = 'tool0'
-    force, torque = message.wrench.force, message.wrench.torque
-    force.x, force.y, force.z, torque.x, torque.y, torque.z = row = [1.0, 2, 3, -4, 5, 6e5]
-    one, other = conversions.wrenches_from_ros(ARM, [message, message])
-    assert [*one.force, *one.torque] == [*other.force, *other.torque] == row
-    assert one.link == other.link == 'tool0'
-
-
 def test_bad_wrenches_say_which_one():
     good, nowhere, bad = WrenchStamped(), WrenchStamped(), WrenchStamped()
     good.header.frame_id = bad.header.frame_id = 'tool0'
@@ -137,29 +110,6 @@ def test_trajectories_come_back(count):
         JointTrajectoryPoint(positions=[2.0, 1.0])])
     point, = conversions.trajectory_from_ros(message, NAMES).points
     assert point.position.tolist() == [1.0, 2.0]
-
-
-def test_efforts_are_filled_in_at_the_points():
-    message = JointTrajectory(points=[JointTrajectoryPoint(), JointTrajectoryPoint()])
-    filled = conversions.with_efforts(message, np.array([[1.0, 2.0], [3.0, 4.0]]))
-    assert [list(point.effort) for point in filled.points] == [[1.0, 2.0], [3.0, 4.0]]
-
-
-# --- terms ---------------------------------------------------------------------------------------
-
-def test_terms_follow_the_order_asked_for():
-    q, v, a = np.array([0.8, 0.5]), np.array([0.5, 0.3]), np.array([0.1, 0.2])
-    terms = ArmDynamics(ARM).terms(q, v, a)
-    order = JointOrder(ARM, ('joint2', 'joint1'))
-    stamp = Time(sec=7, nanosec=8)
-    message = over_the_wire(conversions.terms_to_ros(terms, order.names, stamp, order))
-    assert isinstance(message, DynamicsTerms)
-    assert message.header.stamp == stamp
-    assert list(message.joint_names) == ['joint2', 'joint1']
-    for name in ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort'):
-        assert list(getattr(message, name)) == getattr(terms, name)[::-1].tolist()
-    assert message.kinetic_energy == terms.kinetic_energy
-    assert message.potential_energy == terms.potential_energy
 
 
 # --- joint states --------------------------------------------------------------------------------
