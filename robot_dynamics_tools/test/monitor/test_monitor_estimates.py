@@ -12,23 +12,14 @@ from closed_loop import closed_loop, collecting, NAMES, START
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from disturbances import push
 from geometry_msgs.msg import WrenchStamped
-from held_robot import HeldRobot, STEP
+from held_robot import HeldRobot, monitored, STEP
 import numpy as np
 import pytest
 from robot_dynamics.model import ArmDynamics, ExternalWrench, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics_interfaces.msg import Contact, WrenchCovariance
-from ros_harness import (
-    DYNAMICS,
-    LONG,
-    MONITOR,
-    NodeProcess,
-    RosClient,
-    running,
-    UNHURRIED,
-    wait_until,
-)
+from ros_harness import LONG, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -90,12 +81,10 @@ NOISE = 0.05
 @pytest.fixture(scope='module')
 def node() -> Iterator[NodeProcess]:
     """Run `dynamics` and its monitor; return the process of the monitor."""
-    dynamics = NodeProcess(DYNAMICS, {
-        **UNHURRIED, 'joints': NAMES, 'external_effort_bandwidth': BANDWIDTH,
-        'uncertainty.noise_deviation': [NOISE], 'uncertainty.noise_bandwidth': 2.0},
-        namespace='/held')
-    process = NodeProcess(MONITOR, {'external_wrench.largest_force': 200.0}, namespace='/held')
-    with running(dynamics, process):
+    with monitored('/held', {
+            'joints': NAMES, 'external_effort_bandwidth': BANDWIDTH,
+            'uncertainty.noise_deviation': [NOISE], 'uncertainty.noise_bandwidth': 2.0},
+            {'external_wrench.largest_force': 200.0}) as process:
         yield process
 
 

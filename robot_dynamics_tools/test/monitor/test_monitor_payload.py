@@ -10,21 +10,13 @@ from builtin_interfaces.msg import Duration
 from closed_loop import closed_loop, NAMES
 from disturbances import set_payload
 from geometry_msgs.msg import InertiaStamped
+from held_robot import monitored
 import numpy as np
 import pytest
 from robot_dynamics.model import load_arm, make_payload, RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.srv import EstimatePayload
-from ros_harness import (
-    DYNAMICS,
-    LONG,
-    MONITOR,
-    NodeProcess,
-    RosClient,
-    running,
-    UNHURRIED,
-    wait_until,
-)
+from ros_harness import LONG, RosClient, wait_until
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -111,9 +103,7 @@ def test_a_hidden_payload_is_estimated_and_applied(client):
 
 
 def test_an_estimation_ends_with_its_model_and_needs_effort(client):
-    with running(
-            NodeProcess(DYNAMICS, {**UNHURRIED, 'joints': NAMES}, namespace='/carried'),
-            NodeProcess(MONITOR, namespace='/carried')):
+    with monitored('/carried', {'joints': NAMES}):
         states = client.publisher(JointState, '/carried/joint_states', 1)
 
         def start() -> None:
