@@ -3,6 +3,7 @@
 
 """Conversions between messages and arrays: round trips, and rejections."""
 
+import array
 import re
 
 from builtin_interfaces.msg import Time
@@ -12,11 +13,14 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.exceptions import InvalidInputError
+from rclpy.serialization import serialize_message
+from robot_dynamics.exceptions import InvalidInputError, JointNamesError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.ros.dynamics.goals.tolerances import with_given
 from robot_dynamics.ros.middleware import conversions
+from robot_dynamics.ros.middleware.cdr_templates import JointStateDecoder
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from sensor_msgs.msg import JointState
@@ -164,3 +168,40 @@ def test_numbers_that_no_arm_has_are_refused_by_joint(number, is_finite):
 def test_an_effort_message_has_an_effort_for_each_joint():
     with pytest.raises(InvalidInputError, match='effort has 0 values, expected 2 as name has'):
         JointStateReader(NAMES).finite_effort(JointState(name=NAMES))
+
+
+@pytest.mark.parametrize('velocity', [[1.0, 2.0], [1.0, 2.0, 3.0, 4.0]])
+def test_the_positions_are_used_and_all_velocities_are_missing(velocity):
+    reader, decoder = JointStateReader(('a', 'b')), JointStateDecoder()
+    message = JointState(name=['a', 'b', 'claw'], position=array.array('d', [0.1, 0.2, 0.3]),
+                         velocity=array.array('d', velocity))
+    for _ in range(3):  # also once the layout is known
+        q, v = reader.read(decoder.decode(serialize_message(message)))
+        assert q.tolist() == [0.1, 0.2]
+        assert v is None
+    message.velocity = array.array('d', [1.0, 2.0, 3.0])
+    q, v = reader.read(decoder.decode(serialize_message(message)))
+    assert v.tolist() == [1.0, 2.0]
+
+
+JOINTS = ('a', 'b', 'c')
+VALUES = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(st.dictionaries(st.sampled_from((*JOINTS, 'd')), VALUES))
+def test_tolerances_are_given_kept_erased_or_refused_by_name(given):
+    defaults = np.array([0.1, np.inf, 0.3])
+    is_legal = all(value == -1.0 or 0.0 <= value < np.inf for value in given.values())
+    if 'd' not in given and is_legal:
+        found = with_given('path_tolerance.position', given, defaults, JOINTS)
+        for name, value, default in zip(JOINTS, found, defaults):
+            meaning = {0.0: default, -1.0: np.inf}
+            assert value == meaning.get(given.get(name, 0.0), given.get(name, 0.0))
+        return
+    with pytest.raises(InvalidInputError) as error:
+        with_given('path_tolerance.position', given, defaults, JOINTS)
+    assert 'path_tolerance.position' in str(error.value)
+    wrong = [name for name, value in given.items()
+             if name == 'd' or not (value == -1.0 or 0.0 <= value < np.inf)]
+    assert any(repr(name) in str(error.value) for name in wrong)
+    assert isinstance(error.value, JointNamesError) == ("tolerance for 'd'" in str(error.value))

@@ -124,7 +124,7 @@ def test_the_documented_words_are_the_words():
         with pytest.raises(TrajectoryError) as refusal:
             check_points(load_arm(urdf), trajectory(**{**GOOD, **change}))
         spoken.add(str(refusal.value))
-    unread = [words for words in documented  # by test_message_bytes
+    unread = [words for words in documented  # by test_cdr_templates
               if words.endswith('would delay control') or 'cannot be read' in words]
     assert (len(documented), len(unread)) == (5, 1)
     assert [words for words in documented if words not in spoken] == unread

@@ -3,8 +3,10 @@
 
 """Recordings: written data are read back, by this package and by plain rosbags."""
 
+from collections.abc import Iterator
 import os
 import signal
+import threading
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,6 +14,7 @@ import numpy as np
 import pytest
 from recordings import serialized
 from robot_dynamics.exceptions import RecordingError
+from robot_dynamics_tools.recordings.interrupts import uninterrupted
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.messages import joint_state_messages, stamped_messages
 from robot_dynamics_tools.recordings.reader import Recording
@@ -302,3 +305,31 @@ def test_an_interrupt_waits_until_the_record_is_whole(tmp_path):
     with Recording(tmp_path / 'bag') as recording:
         assert [message.data for _, message in recording.messages('/text')] == [
             str(k) for k in range(5)]
+
+
+@pytest.fixture(autouse=True)
+def default_handler() -> Iterator[None]:
+    """Give SIGINT Python's handler: a background job of a shell starts with it ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_an_ignored_signal_stays_ignored():
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with uninterrupted():
+        signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+def test_other_threads_are_not_concerned():
+    handlers = []
+
+    def work() -> None:
+        with uninterrupted():
+            handlers.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert handlers == [signal.default_int_handler]
