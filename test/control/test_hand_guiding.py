@@ -6,7 +6,7 @@ Hand guiding in closed loop: the push that it needs, rest after it, speed, posit
 
 Friction yields before it slides (`bristled_arm`), and the loop knows it, or too much of it. Of
 the random arms that a hand moves and releases, the loop knows 0.6 to 1.4 times the friction, and
-not the rotors.
+not the rotors. The force of a follower at its leader gives a bounded energy.
 """
 
 from typing import Any
@@ -16,8 +16,8 @@ from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.laws.force_feedback import ForceFeedback
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
-from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -110,15 +110,6 @@ def test_gravity_is_that_of_the_position_at_which_the_effort_acts():
     q, v = np.array([0.8, 0.5]), np.array([0.3, -0.2])
     assert answer_in_motion(arm, q, v).output.law.gravity == pytest.approx(
         ArmDynamics(arm).gravity(q + 0.009 * v), abs=1e-9)
-
-
-@pytest.mark.parametrize(('value', 'words'), [
-    ([1.0, 2.0, 3.0], ' has 3 values'), (-0.1, " of 'joint1' is -0.1")])
-def test_illegal_options_are_named(value, words):
-    with pytest.raises(InvalidInputError, match=f'hand_guiding.speed{words}'):
-        ControlLoop.of_arm(
-            smooth_arm('default'), command='hand_guiding',
-            parameters={'hand_guiding.speed': value})
 
 
 @pytest.mark.parametrize(('name', 'signs'), [('default', 1.0), ('panda', -1.0)])
@@ -215,3 +206,64 @@ def test_a_hand_at_a_constant_speed_feels_no_brake():
     one.push = hand
     one.run(1.0)
     assert np.mean(pushes[-300:]) == pytest.approx(0.24, abs=0.01)
+
+
+DT = 0.002
+
+
+def feedback() -> ForceFeedback:
+    """Return the feedback of one joint with a gain of 0.5 and at most 10 N·m."""
+    return ForceFeedback(0.5, np.array([40.0]))
+
+
+def force(
+    one: ForceFeedback, external: float, moved: float = 0.0, v: float = 0.0,
+    friction: float = 0.0,
+) -> float:
+    return float(one.effort(
+        np.array([external]), np.array([moved]), np.array([v]), DT, np.array([friction]))[0])
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_force_at_rest_or_against_the_motion_is_the_scaled_effort_within_its_limit(sign):
+    one = feedback()
+    assert force(one, 6.0 * sign) == 3.0 * sign
+    assert force(one, 6.0 * sign, -0.001 * sign, -0.5 * sign) == 3.0 * sign
+    assert force(one, 30.0 * sign) == 10.0 * sign
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_force_along_the_motion_gives_half_of_the_energy_that_it_has_received(sign):
+    """It may act for a period and 16 ms until it ends; then the tank is empty."""
+    one = feedback()
+    assert force(one, 8.0 * sign) == 4.0 * sign
+    assert force(one, 8.0 * sign, -0.01 * sign, -5.0 * sign) == 4.0 * sign  # receives 0.04 J
+    speed = 2.0
+    found = force(one, 8.0 * sign, 0.0, speed * sign)
+    assert found * sign * speed * (DT + 0.016) == pytest.approx(0.02)
+    given = 0.0
+    for _ in range(1000):
+        moved = DT * speed * sign
+        given += found * moved
+        found = force(one, 8.0 * sign, moved, speed * sign)
+    assert given == pytest.approx(0.02, rel=1e-3)
+    assert abs(found) < 1e-6
+
+
+def test_dry_friction_that_remains_may_be_overcome_and_an_empty_tank_gives_nothing_else():
+    one = feedback()
+    assert force(one, 8.0, 0.0, 1.0) == 0.0
+    assert force(one, 8.0, 0.0, 1.0, friction=1.5) == pytest.approx(1.5)
+    one.restart()
+    assert force(one, 8.0, 0.0, 1.0) == 0.0
+
+
+def test_a_tank_holds_the_energy_of_the_largest_force_over_a_twentieth_of_a_radian():
+    one = feedback()
+    force(one, 40.0)
+    for _ in range(100):
+        force(one, 40.0, -0.01, -1.0)
+    speed = 50.0
+    assert force(one, 40.0, 0.0, speed) * speed * (DT + 0.016) == pytest.approx(0.5)
+    one.restart()
+    assert force(one, 40.0, 0.0, speed) == 0.0

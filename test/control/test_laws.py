@@ -23,6 +23,7 @@ from robot_dynamics.control.laws import control_law, law_table
 from robot_dynamics.control.laws.control_law import ControlLaw
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
 from robot_dynamics.control.laws.law_table import all_laws
+from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.joints.effort_convention import make_effort_convention
@@ -220,6 +221,24 @@ def test_a_law_that_does_not_follow_refuses_references(name):
     with pytest.raises(
             TrajectoryError, match=f"command is {name!r}, expected '.*' or 'computed_torque' or "):
         one.follow(hold(q), 0)
+
+
+@pytest.mark.parametrize(('name', 'value', 'words'), [
+    ('cartesian.translation_stiffness', -1.0, ''),
+    ('cartesian.translation_stiffness', [1.0, 2.0], ''),
+    ('cartesian.translation_stiffness', float('nan'), ''),
+    ('cartesian.rotation_stiffness', -2.0, ''), ('cartesian.force_limit', -1.0, ''),
+    ('cartesian.torque_limit', float('inf'), ''), ('cartesian.frame', 'no_link', ''),
+    ('impedance.stiffness', [1.0, 2.0, 3.0], ''), ('impedance.stiffness', -1.0, ''),
+    ('impedance.stiffness', [float('nan')], ''),
+    ('hand_guiding.speed', [1.0, 2.0, 3.0], ' has 3 values'),
+    ('hand_guiding.speed', -0.1, " of 'joint1' is -0.1")])
+def test_a_wrong_option_of_a_law_is_named(name, value, words):
+    law = {'cartesian': 'cartesian_impedance', 'impedance': 'joint_impedance'}
+    with pytest.raises(InvalidInputError, match=f'{name}{words}'):
+        ControlLoop.of_arm(
+            arm_named('default'), command=law.get(name.partition('.')[0], 'hand_guiding'),
+            parameters={name: value})
 
 
 def test_gravity_compensation_is_the_gravity_torque_alone():
