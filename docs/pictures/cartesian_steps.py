@@ -4,7 +4,7 @@
 """
 Draw docs/images/cartesian_steps.png: steps and pushes with `cartesian_impedance` and D = 2√K.
 
-The steps are those that test/control/test_cartesian_impedance.py checks, with rotors: without
+The steps are those that test/control/test_modal_impedance.py checks, with rotors: without
 rotors D = 2√K diverges for most arms. The largest values are printed.
 """
 

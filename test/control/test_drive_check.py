@@ -143,16 +143,6 @@ def test_gravity_compensation_ends_by_a_wrong_drive_that_moves_the_arm_at_once(n
     assert word.split()[0] in one.words()[J[name]]
 
 
-def test_a_delay_is_named_in_motion():
-    one = Driven('ur5')
-    one.delay = 40
-    one.run(0.5)
-    one.go(0.4)
-    one.run(1.0)
-    assert 'delayed by 0.040' in one.words()
-    assert set(one.words()) <= {'delayed by 0.040', 'agrees', 'not observable yet'}
-
-
 def test_a_clipped_drive_and_a_scale_are_named_together_while_both_explain_the_motion():
     """The command of the first 30 ms is that of gravity alone, which does not separate them."""
     one = Driven('ur5', at(1, lambda tau: 0.3 * tau))
@@ -220,9 +210,11 @@ def test_a_report_in_steps_is_coarse():
     assert one.words()[1] == 'coarse 8.0'
 
 
-@pytest.mark.parametrize(('delay', 'word'), [(10, 'agrees'), (40, 'delayed by 0.040')])
-def test_a_late_report_shows_the_delay_of_the_command(delay, word):
-    one = Driven('panda', report=lambda tau, g: tau)
+@pytest.mark.parametrize(('name', 'report', 'delay', 'word'), [
+    ('ur5', None, 40, 'delayed by 0.040'), ('panda', lambda tau, g: tau, 10, 'agrees'),
+    ('panda', lambda tau, g: tau, 40, 'delayed by 0.040')])
+def test_a_motion_or_a_late_report_shows_the_delay_of_the_command(name, report, delay, word):
+    one = Driven(name, report=report)
     one.delay = delay
     one.run(0.5)
     one.go(0.5)
@@ -231,22 +223,16 @@ def test_a_late_report_shows_the_delay_of_the_command(delay, word):
     assert set(one.words()) <= {word, 'agrees', 'not observable yet'}
 
 
-def test_a_robot_that_holds_itself_is_seen_without_a_command():
-    one = Driven('ur5', report=lambda tau, g: g)
+@pytest.mark.parametrize(('share', 'word', 'sentence'), [
+    (1.0, 'adds gravity', 'the command that holds the arm is 0.00 g(q) ± '),
+    (0.0, 'not observable yet', '')])
+def test_a_robot_that_holds_itself_is_seen_without_a_command_and_brakes_are_none(
+        share, word, sentence):
+    one = Driven('ur5', lambda tau, g: g, report=lambda tau, g: share * g)
     one.loop.is_heard = False
-    one.drive = lambda tau, g: g
     one.run(1.0)
-    assert one.words() == ['adds gravity'] * 6
-    assert one.loop.drives.verdicts()[0].sentence.startswith(
-        'the command that holds the arm is 0.00 g(q) ± ')
-
-
-def test_brakes_are_no_robot_that_holds_itself():
-    one = Driven('ur5', report=lambda tau, g: 0.0 * g)
-    one.loop.is_heard = False
-    one.drive = lambda tau, g: g
-    one.run(1.0)
-    assert one.words() == ['not observable yet'] * 6
+    assert one.words() == [word] * 6
+    assert one.loop.drives.verdicts()[0].sentence.startswith(sentence)
 
 
 # --- samples -------------------------------------------------------------------------------------

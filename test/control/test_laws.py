@@ -1,18 +1,29 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The terms of each control law sum to the effort, also of that of docs/examples/spring.py."""
+"""
+The terms of each control law sum to the effort, and each is stable in closed loop with a delay.
 
-from collections.abc import Iterator
+The laws are those of this package, those of the entry points that are installed, and the spring of
+docs/examples/spring.py. In closed loop all run with the default parameters of `dynamics`, except
+that references are not conditioned: a set-point is then a disturbance.
+"""
+
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from controller_bench import update
+from lock_step_loop import LockStep
+from loop_motions import arm_named
 import numpy as np
 from page_law import install_page_law, page_law
 import pytest
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws import control_law, law_table
+from robot_dynamics.control.laws.control_law import ControlLaw
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
+from robot_dynamics.control.laws.law_table import all_laws
+from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.joints.effort_convention import make_effort_convention
@@ -212,6 +223,24 @@ def test_a_law_that_does_not_follow_refuses_references(name):
         one.follow(hold(q), 0)
 
 
+@pytest.mark.parametrize(('name', 'value', 'words'), [
+    ('cartesian.translation_stiffness', -1.0, ''),
+    ('cartesian.translation_stiffness', [1.0, 2.0], ''),
+    ('cartesian.translation_stiffness', float('nan'), ''),
+    ('cartesian.rotation_stiffness', -2.0, ''), ('cartesian.force_limit', -1.0, ''),
+    ('cartesian.torque_limit', float('inf'), ''), ('cartesian.frame', 'no_link', ''),
+    ('impedance.stiffness', [1.0, 2.0, 3.0], ''), ('impedance.stiffness', -1.0, ''),
+    ('impedance.stiffness', [float('nan')], ''),
+    ('hand_guiding.speed', [1.0, 2.0, 3.0], ' has 3 values'),
+    ('hand_guiding.speed', -0.1, " of 'joint1' is -0.1")])
+def test_a_wrong_option_of_a_law_is_named(name, value, words):
+    law = {'cartesian': 'cartesian_impedance', 'impedance': 'joint_impedance'}
+    with pytest.raises(InvalidInputError, match=f'{name}{words}'):
+        ControlLoop.of_arm(
+            arm_named('default'), command=law.get(name.partition('.')[0], 'hand_guiding'),
+            parameters={name: value})
+
+
 def test_gravity_compensation_is_the_gravity_torque_alone():
     """Friction is no term of it, not even its offset."""
     arm = UR5.with_friction(make_friction(UR5.joint_names, coulomb=3.0, offset=3.0))
@@ -220,3 +249,47 @@ def test_gravity_compensation_is_the_gravity_torque_alone():
     assert output.command.tolist() == gravity.tolist()
     assert output.terms.gravity.tolist() == gravity.tolist()
     assert output.terms.friction.tolist() == [0.0] * N
+
+
+REGISTERED: Mapping[str, type[ControlLaw]] = {**all_laws(), 'spring': SPRING}
+AT_REST = 1e-3
+"""[rad/s]"""
+DISTURBANCE = 0.02
+"""[rad]"""
+
+grid = pytest.mark.parametrize(('arm_name', 'rate'), [
+    ('panda', 100.0), pytest.param('ur5', 500.0, marks=pytest.mark.soak),
+    pytest.param('panda', 1000.0, marks=pytest.mark.soak)])
+
+
+@grid
+@pytest.mark.parametrize('name', REGISTERED)
+def test_a_registered_law_comes_to_rest(arm_name, rate, name, monkeypatch):
+    """
+    From rest, in spite of a step of the reference of all joints and a delay of one period or more.
+
+    The spring is far too stiff for the wrists, which creep to their reference.
+    """
+    monkeypatch.setitem(law_table.LAWS, name, REGISTERED[name])
+    one = LockStep(
+        arm_named(arm_name), rate=rate, delay=round(1e3 / rate), conditions_references=False,
+        command=name)
+    rng = np.random.default_rng(0)
+    one.sensor = lambda q, v: tuple(x + rng.normal(0.0, 1e-7, len(x)) for x in (q, v))
+    assert one.run(0.5).speed.max() < AT_REST
+    if one.loop.controller.laws.follows:
+        size = DISTURBANCE if name in ALL and name != 'spring' else 1e-3
+        one.follow(one.q + size * np.where(np.arange(len(one.q)) % 2, 1.0, -1.0))
+    assert one.run(3.0).last(0.5).speed.max() < AT_REST
+    assert one.loop.supervisor.fault is None
+
+
+@pytest.mark.parametrize('scales', [True, False])
+def test_the_scale_of_the_gains_makes_the_difference(scales):
+    """Without it the spring shakes a UR5 that starts at rest."""
+    one = LockStep(
+        arm_named('ur5'), rate=100.0, delay=10, scales_gains=scales, command='spring',
+        parameters={'spring.stiffness': 400.0, 'spring.damping': 40.0})
+    one.v = np.full(6, 1e-4)
+    speed = one.run(3.0).speed.max()
+    assert (speed < AT_REST) if scales else (speed > 1.0)

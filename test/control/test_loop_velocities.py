@@ -18,23 +18,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 
 
 def sign(j: int) -> Sensor:
-    def sensor(q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        v = v.copy()
-        v[j] = -v[j]
-        return q, v
-    return sensor
-
-
-def zeros(q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return q, 0.0 * v
-
-
-def in_degrees(q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return q, np.degrees(v)
-
-
-def stuck(q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return q, 0.0 * v + 0.5
+    return lambda q, v: (q, np.where(np.arange(len(v)) == j, -v, v))
 
 
 def judge(one: LockStep, trace: Trace, goal: FloatArray) -> None:
@@ -55,12 +39,13 @@ joints = [
         for name in ('ur5', 'ur10', 'panda') for j in range(6) for rate in (500.0, 100.0))]
 
 
-@pytest.mark.parametrize(('name', 'rate', 'sensor'), [
-    ('default', 500.0, zeros), ('default', 100.0, in_degrees), ('ur10', 100.0, zeros),
-    ('panda', 500.0, in_degrees), ('panda', 500.0, stuck), ('default', 100.0, stuck)])
-def test_a_motion_with_wrong_velocities_at_all_joints_reaches_its_goal(name, rate, sensor):
+@pytest.mark.parametrize(('name', 'rate', 'wrong'), [
+    ('default', 500.0, np.zeros_like), ('default', 100.0, np.degrees),
+    ('ur10', 100.0, np.zeros_like), ('panda', 500.0, np.degrees),
+    ('panda', 500.0, lambda v: 0.0 * v + 0.5), ('default', 100.0, lambda v: 0.0 * v + 0.5)])
+def test_a_motion_with_wrong_velocities_at_all_joints_reaches_its_goal(name, rate, wrong):
     one = in_motion(name, rate=rate, delay=4)
-    one.sensor = sensor
+    one.sensor = lambda q, v: (q, wrong(v))
     judge(one, one.run(3.5), place(name) + directions(len(one.q)))
     assert one.loop.gate.doubtful.all()
 

@@ -40,22 +40,13 @@ def rests_at(position: np.ndarray, patience: float = 0.51, speed: float = 0.0) -
     return shortfall(loop.controller, loop.drives)
 
 
-def test_a_joint_at_its_goal_is_not_named():
-    assert rests_at(GOAL) == ''
-    assert rests_at(GOAL - [0.0, 0.0099]) == ''
-    assert rests_at(GOAL - [0.0, 0.0101]) != ''
-
-
-def test_a_joint_is_not_named_within_half_a_second_after_its_motion():
-    assert rests_at(GOAL - [0.0, 0.1], patience=-0.2) == ''
-    assert rests_at(GOAL - [0.0, 0.1], patience=0.49) == ''
-    assert rests_at(GOAL - [0.0, 0.1], patience=0.51) != ''
-
-
-def test_a_joint_that_moves_is_not_said_to_rest():
-    assert rests_at(GOAL - [0.0, 0.1], speed=0.015) != ''
-    assert rests_at(GOAL - [0.0, 0.1], speed=0.03) == ''
-    assert rests_at(GOAL - [0.0, 0.1], speed=-0.03) == ''
+@pytest.mark.parametrize(('away', 'patience', 'speed', 'is_named'), [
+    (0.0, 0.51, 0.0, False), (0.0099, 0.51, 0.0, False), (0.0101, 0.51, 0.0, True),
+    (0.1, -0.2, 0.0, False), (0.1, 0.49, 0.0, False), (0.1, 0.51, 0.0, True),
+    (0.1, 0.51, 0.015, True), (0.1, 0.51, 0.03, False), (0.1, 0.51, -0.03, False)])
+def test_a_joint_that_rests_10_mrad_away_for_half_a_second_is_named(
+        away, patience, speed, is_named):
+    assert bool(rests_at(GOAL - [0.0, away], patience, speed)) == is_named
 
 
 @pytest.mark.parametrize('missing', [0.03, 0.15])

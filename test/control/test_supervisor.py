@@ -3,6 +3,8 @@
 
 """Start and end of the effort commands: the supervisor of the command, event by event."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from robot_dynamics.control.safety.ending import Ending, Kind
@@ -93,7 +95,7 @@ def test_deactivation_ramps_to_zero_for_a_receiver_that_keeps_the_last_effort():
     t, efforts = course(one, START + 0.04)
     assert efforts[:-1] == pytest.approx(np.outer(1.0 - t[:-1] / RAMP_TIME, HOLD))
     assert efforts[-1].tolist() == [0.0, 0.0]
-    assert t[-1] == pytest.approx(one.options.ramp_time, abs=1.5 * PERIOD)
+    assert t[-1] == pytest.approx(RAMP_TIME, abs=1.5 * PERIOD)
     assert one.mode is Mode.INACTIVE
     assert [answer(one, START + 1.0, PUSH), one.tick(START + 1.1)] == SILENT
 
@@ -227,7 +229,7 @@ def test_the_hold_is_the_gravity_torque_of_the_newest_state():
     one.end(START, Ending.by(LATCHED))
     state = START + 0.1  # the last state
     assert answer(one, state, PUSH, OTHER_HOLD) == OTHER_HOLD.tolist()
-    begin = state + one.options.state_timeout
+    begin = state + 0.05  # state_timeout
     for moment in (state + 0.01, begin + 0.01, begin + 0.9 * HOLD_TIME):
         effort = one.tick(moment)
         assert effort.tolist() == OTHER_HOLD.tolist()
@@ -282,3 +284,50 @@ def test_the_damped_hold_remains_until_the_states_time_out():
     for after in (0.06, 0.5):  # then the velocity is unknown
         effort = one.tick(START + 0.01 + after)
     assert effort.tolist() == HOLD.tolist()
+
+
+def braking(**options: Any) -> CommandSupervisor:
+    one = running(PUSH, end_action='ramp_to_zero', **options)
+    one.end(START, RELEASE)
+    assert one.mode is Mode.BRAKING
+    assert one.mode is Mode.BRAKING
+    assert one.is_commanding
+    return one
+
+
+@pytest.mark.parametrize(('state_timeout', 'longest'), [(0.0625, 0.0625), (60.0, 2.5)])
+def test_without_states_a_stop_ends_with_the_ramp(state_timeout, longest):
+    """After 2.5 s also if states may take long. Numbers are exact in binary."""
+    one = braking(state_timeout=state_timeout)
+    assert one.deadline == START + longest
+    assert one.tick(START + longest) is None
+    assert one.tick(START + longest + 0.001) is not None
+    assert one.mode is Mode.STOPPING
+    assert one.fault is None
+    one = running(end_action='ramp_to_zero', state_timeout=state_timeout)
+    one.end(START + state_timeout + 0.001, RELEASE)
+    assert one.mode is Mode.STOPPING
+
+
+@pytest.mark.parametrize('before', [True, False])
+def test_a_fault_before_or_during_the_stop_holds_and_damps_the_arm(before):
+    one = running(PUSH)
+    endings = [Ending.by(TROUBLE), RELEASE]
+    for ending in endings if before else endings[::-1]:
+        one.end(START, ending)
+    assert one.mode is Mode.BRAKING
+    assert one.fault == TROUBLE
+    assert one.fault_count == 1
+    damped = HOLD + [2.0, -3.0]
+    for k in range(1, 200):  # good states do not end the hold
+        effort = one.answer(
+            START + k * PERIOD, np.zeros(2), np.ones(2), PUSH, HOLD.copy, PERIOD,
+            lambda *_: damped)
+        assert one.damping == (pytest.approx(effort - HOLD), pytest.approx([2.0, -3.0]))
+    assert effort == pytest.approx(damped)
+    one.end(START + 0.4, Ending.by(TROUBLE))
+    assert one.fault_count == 1
+    one.resume()
+    assert one.mode is Mode.FAULT
+    assert answer(one, START + 0.402, PUSH) is not None
+    assert one.mode is Mode.RUNNING

@@ -39,7 +39,7 @@ DAMAGE = (
 
 
 def damaged(message: Any) -> list[bytes]:
-    """Return damaged forms of a message; test_message_bytes.py has more of them."""
+    """Return damaged forms of a message; test_cdr_templates.py has more of them."""
     data = bytes_of(message)
     lies = list(with_lies(data))[::3]
     return [*cut_short(data, type(message)), *lies, *with_noise(data, 50), *noise(20)]

@@ -12,12 +12,12 @@ from fault_bench import fault_bench, FaultBench, G, stamp_of
 from fault_stimuli import shifted
 from fault_table import fault
 from lock_stepped_arm import lock_stepped
-from nodeless_reader import NodelessReader
 import numpy as np
 import pytest
 from ros2_control_standin import commanding, ros2_control
 from ros_harness import KEEP_MANY, NodeProcess, RosClient, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
+from silent_clients import NodelessReader
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 

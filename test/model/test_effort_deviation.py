@@ -1,7 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The standard deviation of efforts by the covariance of the parameters, and of their noise."""
+"""
+The standard deviation of efforts by the covariance of the parameters, and of their noise.
+
+The torque regressor times the parameters is inverse dynamics.
+"""
 
 from dataclasses import replace
 
@@ -11,14 +15,16 @@ import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model import regressor
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.effort_deviation import (
     EffortDeviation,
     make_uncertainty,
     uncertain_names,
 )
+from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -150,3 +156,27 @@ def test_the_state_of_the_external_effort_has_the_filtered_acceleration():
         estimate.update(0.002, np.zeros(2), 0.002 * i * a, np.zeros(2))
     assert estimate.state[1] == pytest.approx(0.002 * 199 * a)
     assert estimate.state[2] == pytest.approx(a, rel=1e-6)
+
+
+@pytest.mark.parametrize('name', ['kinova', 'tiago_pro'])
+def test_the_regressor_times_the_parameters_is_inverse_dynamics(name):
+    # among them continuous, prismatic and mimic joints
+    arm = load_arm(robot_urdf(name))
+    q, v, a = regressor.random_states(arm, 20)
+    Y = regressor.TorqueRegressor(arm)(q, v, a)
+    expected = RigidBody(arm).inverse_dynamics_batch(q, v, a)
+    assert Y @ regressor.inertial_parameters(arm) == pytest.approx(
+        expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(('name', 'link'), [
+    ('panda', 'panda_leftfinger'), ('kinova', 'j2s6s200_end_effector')])
+def test_the_regressor_of_a_load_times_its_parameters_is_its_effort(name, link):
+    """Among them continuous, prismatic and mimic joints."""
+    arm = load_arm(robot_urdf(name))
+    load = make_payload(link, 2.5, (0.1, -0.05, 0.2), np.diag([0.02, 0.03, 0.04]))
+    states = regressor.random_states(arm, 20)
+    expected = ArmDynamics(arm.with_payloads([load])).inverse_dynamics_batch(*states) - (
+        ArmDynamics(arm).inverse_dynamics_batch(*states))
+    effort = regressor.LoadRegressor(arm, link)(*states) @ load.body.toDynamicParameters()
+    assert effort == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())

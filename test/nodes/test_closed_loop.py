@@ -1,16 +1,29 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Both nodes together: the closed loop without hardware."""
+"""
+Both nodes together: the closed loop without hardware.
+
+How far an arm with brakes moves at the end of the command, and the first trial: both are described
+in docs/safety.md.
+"""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+import os
+import re
+import signal
 import time
 from typing import Any
 
-from closed_loop import NAMES, publish, START
+from children import TIMEOUT
+from closed_loop import closed_loop, collecting, NAMES, publish, send, START
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 import numpy as np
 import pytest
+from robot_dynamics.model import ArmDynamics, load_arm
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import (
     stamp_from_ros,
     stamp_to_ros,
@@ -22,12 +35,15 @@ from ros_harness import (
     Collector,
     DYNAMICS,
     LONG,
+    NO_SHARED_MEMORY,
     NodeProcess,
     RosClient,
     SIMULATED_ARM,
+    UNHURRIED,
     wait_until,
 )
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 BUSY = 0.5
 """[s] that a busy machine delays a state in lock-step: ten times the default state_timeout."""
@@ -151,3 +167,86 @@ def test_lock_step_is_repeatable_to_the_last_bit_and_follows_the_trajectory(clie
     seen_twice = {s[:8] for s in first} & {s[:8] for s in again}
     assert seen_twice
     assert len(set(first) & set(again)) == len(seen_twice)
+
+
+DEACTIVATE = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
+ENDS = {
+    'deactivation': lambda client, _: client.call(
+        ChangeState, '/ends/dynamics/change_state', DEACTIVATE),
+    'command: none': lambda client, _: client.set_parameters(
+        '/ends/dynamics', {'command': 'none'}),
+    **{one.name: lambda _, pid, one=one: os.kill(pid, one) for one in (
+        signal.SIGTERM, signal.SIGKILL)}}
+
+
+@pytest.mark.parametrize(('end', 'action'), [
+    *((end, 'hold_then_silence') for end in ENDS), ('SIGTERM', 'ramp_to_zero')])
+def test_brakes_hold_the_arm_unless_the_command_ramps_to_zero(client, end, action):
+    node = NodeProcess(
+        DYNAMICS, {**UNHURRIED, 'joints': NAMES, 'end_action': action}, namespace='/ends',
+        environment=NO_SHARED_MEMORY)
+    with client.collect(JointState, '/ends/joint_states') as states, NodeProcess(
+            SIMULATED_ARM, {'initial_position': START}, namespace='/ends') as arm:
+        node.start()
+        try:
+            states.wait_for(lambda state: any(state.effort))
+            states.clear()
+            before = np.array(states.wait_count(100)[-1].position)
+            ENDS[end](client, node.pid)
+            line = arm.wait_for_log(
+                r'\[WARN\].*No valid effort for [\d.]+ s \(command_timeout\), since the joint '
+                r'state of [\d.]+ s: the brakes hold the arm where it is, until the next effort')
+            assert float(re.search(r'for ([\d.]+) s', line)[1]) >= 0.2
+            states.clear()
+            moved = np.abs(states.wait_count(10)[-1].position - before).max()
+        finally:
+            node.kill()
+            client.forget('/ends')
+    if action == 'ramp_to_zero':
+        assert moved > 0.3
+    else:
+        assert moved < 1e-3
+
+
+ARRIVED = 0.005
+"""[rad] from the goal, and [rad/s]."""
+
+
+def test_the_first_trial_of_the_safety_page(client):
+    """docs/safety.md, section "The first command, and every change", step by step."""
+    start, goal = np.array(START), np.array([0.85, 0.5])
+    namespace, node = '/first_trial', '/first_trial/dynamics'
+    gravity = ArmDynamics(load_arm(default_arm_urdf())).rigid_body.gravity(start)
+
+    def set_parameter(name: str, value: Any) -> None:
+        client.set_parameters(node, {name: value})
+
+    def hold_for(states: Collector, seconds: float) -> None:
+        begin = states.wait_count(1, LONG)[-1].header.stamp
+        end = begin.sec + 1e-9 * begin.nanosec + seconds
+        states.wait_for(lambda m: m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec > end, LONG)
+
+    with collecting(client, namespace, 'joint_states', 'effort_command') as (states, efforts), \
+            closed_loop(namespace, {'joints': NAMES, 'command': 'none'}, real_time_factor=4.0):
+        computed = client.wait_for(JointState, f'{node}/gravity_compensation', timeout=LONG)
+        assert computed.effort == pytest.approx(gravity)
+        assert not efforts.messages
+        set_parameter('command', 'gravity_compensation')
+        assert efforts.wait_count(1, LONG)[0].effort == pytest.approx(gravity)
+        for scale in (0.5, 0.05):
+            set_parameter('effort_limit_fraction', scale)
+            hold_for(states, 1.0)
+            assert states.messages[-1].position == pytest.approx(start, abs=1e-6)
+        set_parameter('effort_limit_fraction', 0.5)
+        set_parameter('command', 'computed_torque')
+        send(client, namespace, (0.0, goal))
+        states.wait_for(lambda m: np.abs(np.array(m.position) - goal).max() < ARRIVED
+                        and np.abs(m.velocity).max() < ARRIVED, LONG)
+        hold_for(states, 2.0)
+        assert states.messages[-1].position == pytest.approx(goal, abs=1e-3)
+        send(client, namespace, (0.0, goal + 2.0))
+        states.wait_for(lambda m: m.position[0] > goal[0] + 0.2, LONG)
+        assert client.call(Trigger, f'{node}/stop', Trigger.Request()).success
+        wait_until(lambda: np.abs(states.messages[-1].velocity).max() < 1e-4, 'the stop', TIMEOUT)
+        limits = load_arm(default_arm_urdf()).limits
+        assert all((np.abs(m.velocity) <= limits.velocity).all() for m in states.messages)

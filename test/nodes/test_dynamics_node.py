@@ -117,6 +117,9 @@ def test_a_set_point_is_followed(client, bench):
 
     wait_until(lambda: torque().effort == pytest.approx(tau[::-1], abs=5e-8), 'the set-point')
     assert list(torque().name) == ['joint2', 'joint1']
+    client.set_parameters('/topics/dynamics', {'gains.natural_frequency': [8.0, 12.0]})
+    assert torque().effort == pytest.approx((G + M @ ([144.0, 64.0] * error))[::-1], abs=5e-8)
+    client.set_parameters('/topics/dynamics', {'gains.natural_frequency': FREQUENCY[::-1]})
     assert bench.command(bench.state()).effort == pytest.approx(tau[::-1], abs=5e-8)
     with client.collect(Float64MultiArray, bench.topic('dynamics/commands')) as commands, \
             client.collect(DynamicsTerms, bench.topic('dynamics/terms')) as all_terms:

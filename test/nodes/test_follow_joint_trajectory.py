@@ -1,22 +1,31 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The action `~/follow_joint_trajectory` of real nodes, with a client of rclpy."""
+"""
+The action `~/follow_joint_trajectory` of real nodes, with a client of rclpy.
+
+The client of docs/trajectories.md goes through all results of the action.
+"""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
+import re
+import subprocess
+import sys
 from typing import Any
 
 from action_clients import Client, seconds
 from action_msgs.msg import GoalStatus
 from bounded_waits import wait_until
 from builtin_interfaces.msg import Duration
+from children import run, TIMEOUT
 from closed_loop import closed_loop, NAMES, START
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointComponentTolerance, JointTolerance
 import numpy as np
 import pytest
-from ros_harness import NodeProcess, RosClient
+from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -123,3 +132,24 @@ def test_the_tolerance_of_the_parameter_is_the_default(client, arm):
     erased = {'goal_tolerance': [JointTolerance(name='joint2', position=-1.0)]}
     assert result((2.0, START), **erased) == (Result.SUCCESSFUL, '')
     client.set_parameters('/goals/dynamics', {'goal.tolerance': [0.01]})
+
+
+EXAMPLE = Path(__file__).resolve().parents[2] / 'docs' / 'examples' / 'follow_trajectory.py'
+RESULTS = [
+    ('to its start', 'SUCCEEDED', 0), ('there', 'SUCCEEDED', 0), ('too fast', 'ABORTED', -1),
+    ('another joint', 'ABORTED', -2), ('in the past', 'ABORTED', -3),
+    ('off the path', 'ABORTED', -4), ('back', 'SUCCEEDED', 0), ('off the goal', 'ABORTED', -5),
+    ('replaced', 'ABORTED', -1), ('cancelled', 'CANCELED', -1)]
+
+
+def test_the_example_gets_each_result():
+    with running(
+            NodeProcess(DYNAMICS, {'lock_step': True}),
+            NodeProcess(SIMULATED_ARM, {
+                'rate': 125.0, 'lock_step': True, 'real_time_factor': 1.0,
+                'initial_position': START})):
+        done = run([sys.executable, str(EXAMPLE)], stdout=subprocess.PIPE,
+                   stderr=subprocess.STDOUT, text=True, timeout=TIMEOUT)
+    assert done.returncode == 0, done.stdout
+    found = re.findall(r'^(.+?): (\w+), (-?\d)', done.stdout, re.MULTILINE)
+    assert [(what, status, int(code)) for what, status, code in found] == RESULTS, done.stdout

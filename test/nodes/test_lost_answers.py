@@ -15,9 +15,9 @@ import threading
 import pytest
 from robot_dynamics_interfaces.srv import InverseDynamics
 from ros_harness import DYNAMICS, NodeProcess, TIMEOUT, wait_until
+from silent_clients import UnheardClient
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from unheard_client import UnheardClient
 
 SERVICE = '/answers/dynamics/inverse_dynamics'
 STOP = '/answers/dynamics/stop'

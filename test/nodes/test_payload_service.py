@@ -15,6 +15,7 @@ from robot_dynamics.ros.middleware.conversions import (
     payload_to_ros,
     stamp_from_ros,
 )
+from robot_dynamics.task_space import TaskSpace
 from robot_dynamics_interfaces.srv import ManipulatorEquation, SetPayload
 from ros_harness import DYNAMICS, LATCHED, NodeProcess, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
@@ -33,6 +34,9 @@ def test_a_payload_counts_in_every_service_and_is_latched(planar, client):
     assert response.effort == pytest.approx(loaded.inverse_dynamics(q, v, a))
     equation = planar.answer('manipulator_equation', position=Q)
     assert equation.gravity == pytest.approx(loaded.rigid_body.gravity(q))
+    task = planar.answer('task_space', frame='tool0', position=Q)
+    assert task.inertia == pytest.approx(
+        TaskSpace(loaded.arm, 'tool0').at(Q).inertia.ravel(), abs=1e-12)
     in_force = client.wait_for(  # a late subscriber receives the message published before it
         InertiaStamped, '/planar/dynamics/payload', lambda message: message.inertia.m > 0.0,
         qos=LATCHED)

@@ -16,10 +16,9 @@ from geometry_msgs.msg import Point
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_dynamics.model import ArmDerivatives, ArmModel, ExternalWrench, make_payload
+from robot_dynamics.model import ArmDerivatives, ArmModel, ExternalWrench
 from robot_dynamics.ros.middleware.conversions import (
     floats_to_ros,
-    payload_to_ros,
     trajectory_from_ros,
     trajectory_to_ros,
 )
@@ -45,17 +44,6 @@ def some_state(arm: ArmModel, seed: int) -> tuple[np.ndarray, np.ndarray, np.nda
     low, high = np.maximum(arm.limits.lower, -2.0), np.minimum(arm.limits.upper, 2.0)
     n = arm.joint_count
     return random.uniform(low, high), random.uniform(-1, 1, n), random.uniform(-2, 2, n)
-
-
-# --- reference values of the planar arm ----------------------------------------------------------
-
-def test_velocity_and_acceleration_left_out_are_zero(planar):
-    still = planar.answer('inverse_dynamics', position=Q)
-    assert still.effort == pytest.approx([-49.52282521, -11.37087883], abs=5e-9)
-    assert list(still.terms.inertial) == [0.0, 0.0]
-    released = planar.answer('forward_dynamics', position=Q, effort=[0.0, 0.0])
-    M = planar.dynamics.rigid_body.mass_matrix(np.array(Q))
-    assert M @ released.acceleration == pytest.approx([49.52282521, 11.37087883], abs=5e-9)
 
 
 # --- real robots ---------------------------------------------------------------------------------
@@ -95,10 +83,11 @@ def test_the_order_of_a_request_is_that_of_its_answer(robot):
     fields = {'joint_names': names, 'position': floats_to_ros(q[order]),
               'velocity': floats_to_ros(v[order])}
     response = robot.answer('inverse_dynamics', acceleration=floats_to_ros(a[order]), **fields)
-    tau = robot.dynamics.inverse_dynamics(q, v, a)
-    assert list(response.joint_names) == names
-    assert response.effort == pytest.approx(tau[order])
-    assert response.terms.effort == pytest.approx(tau[order])
+    terms = robot.dynamics.terms(q, v, a)
+    assert list(response.joint_names) == list(response.terms.joint_names) == names
+    assert response.effort == pytest.approx(terms.effort[order])
+    for name in ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort'):
+        assert getattr(response.terms, name) == pytest.approx(getattr(terms, name)[order])
     back = robot.answer('forward_dynamics', effort=response.effort, **fields)
     assert back.acceleration == pytest.approx(a[order], rel=1e-6, abs=1e-6)
     equation = robot.answer('manipulator_equation', include_christoffel=True, **fields)
@@ -257,18 +246,6 @@ def test_task_space_is_that_of_the_library(robot, reference):
     assert list(response.joint_names) == list(names)
     assert_equal(response, expected, list(range(8))[::order])
     assert any('position' in warning for warning in response.warnings)
-
-
-def test_a_payload_is_in_the_inertia(planar):
-    load = make_payload('tool0', 2.0)
-    planar.answer('set_payload', payload=payload_to_ros(load))
-    response = planar.answer('task_space', frame='tool0', position=Q)
-    planar.answer('set_payload')
-    expected = TaskSpace(planar.arm.with_payloads([load]), 'tool0').at(Q)
-    np.testing.assert_allclose(response.inertia, expected.inertia.ravel(), atol=1e-12)
-    lost = np.reshape(response.lost_directions, (-1, 6))
-    assert lost.shape == (4, 6)
-    np.testing.assert_allclose(lost @ expected.jacobian, 0.0, atol=1e-12)
 
 
 def test_derivatives_on_request(robot):

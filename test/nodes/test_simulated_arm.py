@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node `simulated_arm`: efforts in, joint states out."""
+"""The node `simulated_arm`: efforts in, joint states out; backlash."""
 
 from collections.abc import Iterator
 import time
@@ -17,7 +17,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
-from ros_harness import NodeProcess, RosClient, SIMULATED_ARM, TIMEOUT
+from ros_harness import has_stamp, NodeProcess, RosClient, SIMULATED_ARM, TIMEOUT
 from sensor_msgs.msg import JointState
 from simulated_arms import released
 from std_srvs.srv import Trigger
@@ -160,3 +160,38 @@ def test_the_time_of_the_computer_advances_without_efforts_and_cannot_be_paused(
         assert client.node.count_publishers('/wall/clock') == 0
         reason = client.rejection('/wall/simulated_arm', 'paused', True)
         assert 'expected false, or lock_step or publish_clock as well' in reason
+
+
+GAP = 0.02
+GEARED = {
+    'actuator.torque_constant': [0.1], 'actuator.gear_ratio': [100.0],
+    'actuator.rotor_inertia': [1e-5], 'actuator.backlash': [GAP], 'joints': NAMES,
+    'initial_position': [1.0, 0.5]}
+
+
+def motor_offsets(arm: LockStepped, steps: int = 60) -> np.ndarray:
+    """Return the offsets (steps, 2) of the motors from the measured joints during the motion."""
+    arm.motors.wait_matched()
+    found = []
+    for _ in range(steps):
+        motor = arm.motors.wait_for(has_stamp(arm.state.header.stamp))
+        assert list(motor.name) == NAMES
+        found.append(np.subtract(motor.position, arm.state.position))
+        arm.step([20.0, 5.0])
+    return np.array(found)
+
+
+def test_joint_and_motor_are_apart_by_the_gap(client):
+    """The links rest on their gears; under an opposite torque the motors cross the gap."""
+    with lock_stepped(client, '/at_joint', **GEARED) as arm:
+        offsets = motor_offsets(arm)
+    # The arm falls forward, g(q) < 0, so that at first the motors are behind the joints.
+    assert offsets[0] == pytest.approx([-0.5 * GAP] * 2, abs=1e-10)
+    assert offsets[-1] == pytest.approx([0.5 * GAP] * 2, abs=1e-10)
+    assert np.abs(offsets).max() <= 0.5 * GAP + 1e-10
+    assert np.abs(offsets[:, 0]).min() < 0.4 * GAP  # observed while the motor crosses the gap
+
+
+def test_encoders_at_the_motor_do_not_see_the_gap(client):
+    with lock_stepped(client, '/at_motor', **GEARED, encoders='motor') as arm:
+        assert np.abs(motor_offsets(arm)).max() == 0.0

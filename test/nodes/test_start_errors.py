@@ -1,7 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes that cannot start: status 1 and a one-line error; and nodes with a xacro file."""
+"""
+Nodes that cannot start: status 1 and a one-line error; and nodes with a xacro file.
+
+What a user reads when another model is loaded, and when joint states are dropped.
+"""
 
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -13,8 +17,11 @@ from typing import Any, NamedTuple
 
 from bad_descriptions import ARM, BAD_DESCRIPTIONS, MASSLESS
 import children
+from fault_bench import fault_bench, NAMES, Q
+from fault_stimuli import altered, follow, shifted
 from fault_table import fault
 import pytest
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 from ros_harness import (
@@ -207,3 +214,30 @@ def test_a_xacro_file_is_expanded_and_a_bad_one_is_reported(tmp_path):
     assert re.search(
         r'^robot_dynamics: robot_description_file: xacro cannot expand .*no_such_property',
         log, re.MULTILINE), log
+
+
+NS = '/start_log'
+
+
+def test_another_model_ends_the_reference_visibly_and_a_dropped_state_names_the_remedy(client):
+    with client.describing(NS) as publish, \
+            fault_bench(client, NS, {'command': 'computed_torque'}) as bench:
+        follow(bench, Q)
+        publish(default_arm_urdf().replace('planar_arm', 'other_arm'))
+        bench.wait_message('reference', 'ended early: another model was loaded')
+        bench.efforts.clear()
+        bench.efforts.wait_count(5)  # the new model has a state, from which a set-point can start
+        follow(bench, Q)
+        for seconds, words in ((-60.0, r'60\.\d+ s old'), (60.0, 'in the future')):
+            words += '.*; synchronise the clocks of driver and computer, or set `state_max_age`'
+            bench.driver.change = shifted(seconds)
+            bench.node.wait_for_log(r'\[WARN\].*Dropped a joint state.*' + words)
+            bench.wait_message('joint states', f'.*{words}.*')
+            bench.driver.go_on()
+            bench.wait_running()
+        bench.driver.change = altered(name=NAMES[:1], position=Q[:1], velocity=[])
+        line = bench.node.wait_for_log('No joint state is complete')
+        assert "no new samples of ['joint2']" in line
+        assert 'set the parameter joints' in line
+        bench.wait_message('joint states', r".*\['joint2'\].*")
+        client.forget(NS)

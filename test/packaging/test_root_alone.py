@@ -37,7 +37,7 @@ LIBRARY_TESTS = (
     'model/test_rigid_body.py', 'model_check/test_model_check.py', 'monitoring/test_state_age.py',
     'planar', 'references/test_active_trajectory.py',
     'references/test_jerk_profile.py', 'simulation/test_arm_simulation.py',
-    'simulation/test_arm_simulation.py', 'task_space', 'trajectories/test_quintics.py',
+    'simulation/test_arm_simulation.py', 'task_space', 'trajectories/test_interpolation.py',
     'trajectories/test_trajectory_efforts.py', 'urdf')
 """Quick tests of each folder of the library, and those that compare with other libraries."""
 ABSENT = ('scipy', 'mujoco', 'pydrake', 'ruckig', 'example-robot-data')

@@ -6,11 +6,11 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, ExitStack
 
-from nodeless_reader import NodelessReader
 import pytest
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
 from ros_harness import RosClient, wait_until
+from silent_clients import NodelessReader
 from std_msgs.msg import Float64MultiArray
 
 NAMES = ['joint1', 'joint2']

@@ -3,27 +3,27 @@
 
 """Conversions between messages and arrays: round trips, and rejections."""
 
+import array
 import re
 
 from builtin_interfaces.msg import Time
+from fuzz_law import over_the_wire
 from geometry_msgs.msg import WrenchStamped
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from rclpy.serialization import deserialize_message, serialize_message
-from robot_dynamics.exceptions import InvalidInputError
+from rclpy.serialization import serialize_message
+from robot_dynamics.exceptions import InvalidInputError, JointNamesError
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.ros.dynamics.goals.tolerances import with_given
 from robot_dynamics.ros.middleware import conversions
+from robot_dynamics.ros.middleware.cdr_templates import JointStateDecoder
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
-from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 ARM = load_arm(default_arm_urdf())
@@ -32,22 +32,9 @@ READER = JointStateReader(NAMES)
 """A reader that gets messages with changing orders of the joints."""
 
 laws = settings(max_examples=50)
-numbers = st.floats(-1e6, 1e6)
-
-
-def over_the_wire(message: object) -> object:
-    """Return the message as a subscriber receives it."""
-    return deserialize_message(serialize_message(message), type(message))
 
 
 # --- arrays and stamps ---------------------------------------------------------------------------
-
-@laws
-@given(st.lists(numbers, min_size=1, max_size=12))
-def test_arrays_travel_to_the_last_bit(values):
-    message = over_the_wire(Float64MultiArray(data=conversions.floats_to_ros(np.array(values))))
-    assert np.frombuffer(message.data, dtype=np.float64).tolist() == values  # type: ignore
-
 
 def test_matrices_travel_row_by_row_whatever_their_layout():
     A = np.array([[1.0, 2.0], [3.0, 4.0]])
@@ -91,16 +78,6 @@ def test_no_payload_is_a_mass_of_zero_and_other_links_are_refused():
 
 # --- wrenches ------------------------------------------------------------------------------------
 
-def test_wrenches_arrive():
-    message = WrenchStamped()
-    message.header.frame_id = 'tool0'
-    force, torque = message.wrench.force, message.wrench.torque
-    force.x, force.y, force.z, torque.x, torque.y, torque.z = row = [1.0, 2, 3, -4, 5, 6e5]
-    one, other = conversions.wrenches_from_ros(ARM, [message, message])
-    assert [*one.force, *one.torque] == [*other.force, *other.torque] == row
-    assert one.link == other.link == 'tool0'
-
-
 def test_bad_wrenches_say_which_one():
     good, nowhere, bad = WrenchStamped(), WrenchStamped(), WrenchStamped()
     good.header.frame_id = bad.header.frame_id = 'tool0'
@@ -137,29 +114,6 @@ def test_trajectories_come_back(count):
         JointTrajectoryPoint(positions=[2.0, 1.0])])
     point, = conversions.trajectory_from_ros(message, NAMES).points
     assert point.position.tolist() == [1.0, 2.0]
-
-
-def test_efforts_are_filled_in_at_the_points():
-    message = JointTrajectory(points=[JointTrajectoryPoint(), JointTrajectoryPoint()])
-    filled = conversions.with_efforts(message, np.array([[1.0, 2.0], [3.0, 4.0]]))
-    assert [list(point.effort) for point in filled.points] == [[1.0, 2.0], [3.0, 4.0]]
-
-
-# --- terms ---------------------------------------------------------------------------------------
-
-def test_terms_follow_the_order_asked_for():
-    q, v, a = np.array([0.8, 0.5]), np.array([0.5, 0.3]), np.array([0.1, 0.2])
-    terms = ArmDynamics(ARM).terms(q, v, a)
-    order = JointOrder(ARM, ('joint2', 'joint1'))
-    stamp = Time(sec=7, nanosec=8)
-    message = over_the_wire(conversions.terms_to_ros(terms, order.names, stamp, order))
-    assert isinstance(message, DynamicsTerms)
-    assert message.header.stamp == stamp
-    assert list(message.joint_names) == ['joint2', 'joint1']
-    for name in ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort'):
-        assert list(getattr(message, name)) == getattr(terms, name)[::-1].tolist()
-    assert message.kinetic_energy == terms.kinetic_energy
-    assert message.potential_energy == terms.potential_energy
 
 
 # --- joint states --------------------------------------------------------------------------------
@@ -214,3 +168,40 @@ def test_numbers_that_no_arm_has_are_refused_by_joint(number, is_finite):
 def test_an_effort_message_has_an_effort_for_each_joint():
     with pytest.raises(InvalidInputError, match='effort has 0 values, expected 2 as name has'):
         JointStateReader(NAMES).finite_effort(JointState(name=NAMES))
+
+
+@pytest.mark.parametrize('velocity', [[1.0, 2.0], [1.0, 2.0, 3.0, 4.0]])
+def test_the_positions_are_used_and_all_velocities_are_missing(velocity):
+    reader, decoder = JointStateReader(('a', 'b')), JointStateDecoder()
+    message = JointState(name=['a', 'b', 'claw'], position=array.array('d', [0.1, 0.2, 0.3]),
+                         velocity=array.array('d', velocity))
+    for _ in range(3):  # also once the layout is known
+        q, v = reader.read(decoder.decode(serialize_message(message)))
+        assert q.tolist() == [0.1, 0.2]
+        assert v is None
+    message.velocity = array.array('d', [1.0, 2.0, 3.0])
+    q, v = reader.read(decoder.decode(serialize_message(message)))
+    assert v.tolist() == [1.0, 2.0]
+
+
+JOINTS = ('a', 'b', 'c')
+VALUES = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(st.dictionaries(st.sampled_from((*JOINTS, 'd')), VALUES))
+def test_tolerances_are_given_kept_erased_or_refused_by_name(given):
+    defaults = np.array([0.1, np.inf, 0.3])
+    is_legal = all(value == -1.0 or 0.0 <= value < np.inf for value in given.values())
+    if 'd' not in given and is_legal:
+        found = with_given('path_tolerance.position', given, defaults, JOINTS)
+        for name, value, default in zip(JOINTS, found, defaults):
+            meaning = {0.0: default, -1.0: np.inf}
+            assert value == meaning.get(given.get(name, 0.0), given.get(name, 0.0))
+        return
+    with pytest.raises(InvalidInputError) as error:
+        with_given('path_tolerance.position', given, defaults, JOINTS)
+    assert 'path_tolerance.position' in str(error.value)
+    wrong = [name for name, value in given.items()
+             if name == 'd' or not (value == -1.0 or 0.0 <= value < np.inf)]
+    assert any(repr(name) in str(error.value) for name in wrong)
+    assert isinstance(error.value, JointNamesError) == ("tolerance for 'd'" in str(error.value))

@@ -5,17 +5,14 @@
 
 from collections.abc import Iterator
 import re
-from typing import Any
 
 import numpy as np
 import pytest
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.parameters.declared_parameters import Type
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
-from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
+from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
-from simulated_arms import default_dynamics
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 NODE, ARM_NODE = '/parameters/dynamics', '/parameters/simulated_arm'
 NAMES = ['joint1', 'joint2']
@@ -109,32 +106,6 @@ def test_a_bad_value_is_refused_with_a_reason_and_the_old_one_kept(client, name,
 
 
 # --- effects -------------------------------------------------------------------------------------
-
-def test_changed_gains_change_the_computed_torque(client):
-    q, error = np.array([0.8, 0.5]), np.array([0.05, -0.02])
-    dynamics = default_dynamics()
-    M, g = dynamics.rigid_body.mass_matrix(q), dynamics.rigid_body.gravity(q)
-    states = client.publisher(JointState, '/parameters/joint_states', 1)
-    trajectories = client.publisher(JointTrajectory, f'{NODE}/joint_trajectory')
-    state = JointState(name=NAMES, position=q.tolist(), velocity=[0.0, 0.0])
-    # The test sends single states, as at 500 Hz; later tests use only the arm.
-    client.set_parameters(NODE, {'state_timeout': 60.0})
-    with client.collect(JointState, f'{NODE}/computed_torque') as torques, \
-            client.collect(JointState, f'{NODE}/gravity_compensation') as gravity:
-        state.header.stamp.sec = 1
-        client.answer_to(states, state, gravity)  # required before a trajectory
-        trajectories.publish(JointTrajectory(joint_names=NAMES, points=[
-            JointTrajectoryPoint(positions=(q + error).tolist())]))
-
-        def torque() -> Any:
-            state.header.stamp.nanosec += 2_000_000
-            state.position[0] += 1e-12  # the sample of a joint that must move does not repeat
-            return client.answer_to(states, state, torques).effort
-
-        wait_until(lambda: torque() == pytest.approx(M @ (400.0 * error) + g), 'the reference')
-        client.set_parameters(NODE, {'gains.natural_frequency': [10.0, 15.0]})
-        assert torque() == pytest.approx(M @ ([100.0, 225.0] * error) + g)
-
 
 def test_changed_noise_acts(client):
     with client.collect(JointState, '/parameters/arm_states') as states:

@@ -5,7 +5,7 @@
 
 from typing import NamedTuple
 
-from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 
 ARM = default_arm_urdf()
 
@@ -21,17 +21,6 @@ def changed(old: str, new: str) -> str:
     """Return the default arm with the first occurrence of `old` replaced."""
     assert old in ARM
     return ARM.replace(old, new, 1)
-
-
-def chain(joints: int) -> str:
-    """Return a serial chain."""
-    link = '<link name="l{}"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" ' \
-        'iyy="1" iyz="0" izz="1"/></inertial></link>'
-    joint = '<joint name="j{0}" type="continuous"><parent link="l{0}"/>' \
-        '<child link="l{1}"/></joint>'
-    links = ''.join(link.format(i) for i in range(joints + 1))
-    joined = ''.join(joint.format(i, i + 1) for i in range(joints))
-    return f'<robot name="chain">{links}{joined}</robot>'
 
 
 def bomb() -> str:
@@ -70,7 +59,8 @@ BAD_DESCRIPTIONS = {
     'XML that expands to gigabytes (nested entities)': Bad(
         bomb(), r"has a document type declaration \(DTD\), '<!DOCTYPE .*expected a URDF without"),
     'a robot of 200 joints': Bad(
-        chain(200), "robot 'chain' has 200 joints that move, expected at most 100"),
+        planar_arm_urdf([1.0] * 200, [0.5] * 200, [0.2] * 200, [0.01] * 200),
+        "robot 'planar_arm' has 200 joints that move, expected at most 100"),
     'a million tags': Bad(
         f'<robot name="r">{"<a/>" * 1_000_000}</robot>', 'has 1000002 tags, expected at most'),
 }

@@ -3,11 +3,13 @@
 
 """The joint states of a robot of two joints that is held at rest."""
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 import time
 from typing import Any
 
 from robot_dynamics.ros.middleware.conversions import stamp_to_ros
-from ros_harness import RosClient
+from ros_harness import DYNAMICS, MONITOR, NodeProcess, RosClient, running, UNHURRIED
 from sensor_msgs.msg import JointState
 
 STEP = 0.01
@@ -43,3 +45,13 @@ class HeldRobot:
             if self._is_paced:
                 time.sleep(step)
         return self.stamp
+
+
+@contextmanager
+def monitored(
+    namespace: str, dynamics: Mapping[str, Any], monitor: Mapping[str, Any] | None = None,
+) -> Iterator[NodeProcess]:
+    """Run `dynamics` and its monitor with these parameters; yield the process of the monitor."""
+    process = NodeProcess(MONITOR, monitor, namespace=namespace)
+    with running(NodeProcess(DYNAMICS, {**UNHURRIED, **dynamics}, namespace=namespace), process):
+        yield process

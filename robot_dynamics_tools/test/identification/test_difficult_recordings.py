@@ -2,7 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""Identification from recordings that do not determine all parameters; the arms are known."""
+"""
+Identification from recordings that do not determine all parameters; the arms are known.
+
+Recordings of different arms, and of an arm with the URDF of another, are named. The verdict of
+`identify` on a joint follows from the residuals of three models.
+"""
+
+from pathlib import Path
 
 from arm_motions import fourier_motion, moves_with_pauses, States
 from identification_bench import (
@@ -16,11 +23,16 @@ from identification_bench import (
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics_tools.analysis.motion_filter import filter_motion
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.regressor import inertial_parameters, random_states
+from robot_dynamics.model_check.html_page import Grade
+from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_for_arm
+from robot_dynamics_tools.analysis.contradictions import far_from_urdf, gravity_ratios
+from robot_dynamics_tools.analysis.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
 from robot_dynamics_tools.identification.identified_arm import fitted_friction, fitted_offset
-from robot_dynamics_tools.identification.pipeline import identify
+from robot_dynamics_tools.identification.page import in_other_poses, joint_verdict, joint_verdicts
+from robot_dynamics_tools.identification.pipeline import Identification, identify
 from robot_dynamics_tools.identification.report import as_data
 from robot_dynamics_tools.identification.steps import evaluate_motion
 from robot_dynamics_tools.identification.summary import bounds_by_joint, not_separable, warnings
@@ -178,3 +190,120 @@ def test_ten_short_recordings_are_pooled():
     assert tests['consistent'].samples == (1200, 800)
     assert (tests['consistent'].relative() < 0.6 * tests['urdf'].relative()).all()
     assert tests['consistent'].relative()[:3].max() < 0.1
+
+
+UR10 = Path(__file__).parents[3] / '../shared/data/ur10'
+RATE, DURATION = 125.0, 20.0
+
+
+def shortened(name: str) -> ArmModel:
+    """Return the arm with its first three joints; the others are locked."""
+    return load_arm(robot_urdf(name), arm_without_gripper(name).joint_names[:3])
+
+
+def recorded_arm(name: str, urdf: str, seed: int) -> FilteredMotion:
+    """Return a motion of an arm whose masses differ from its URDF, read with another URDF."""
+    arm = shortened(name)
+    states, limit = fourier_motion(arm, RATE, DURATION, seed), arm.limits.effort
+    effort = rigid_effort(changed_arm(arm, 0.15), states, 0.005 * limit) + 0.02 * limit * (
+        0.5 * states.v + np.tanh(states.v / 0.03))
+    noise = 0.004 * limit * np.random.default_rng(seed).normal(size=effort.shape)
+    return filter_motion(series_of(shortened(urdf), states, effort + noise))
+
+
+def identified(urdf: str, *names: str) -> Identification:
+    recordings = [recorded_arm(name, urdf, k) for k, name in enumerate(names)]
+    return identify(shortened(urdf), recordings)
+
+
+def named(found: Identification) -> list[int]:
+    """Return the numbers of the recordings that contradict the others."""
+    return [k for k, each in enumerate(found.recordings)
+            if any('contradicts the other' in cause for cause in each.facts.contradictions)]
+
+
+@pytest.mark.parametrize(('urdf', 'names', 'odd'), [
+    ('ur10', ('ur10', 'ur10', 'ur10'), []), ('ur10', ('ur10', 'ur5', 'ur10'), [1]),
+    ('ur10', ('ur5', 'ur10'), [0, 1])])
+def test_the_recording_of_another_arm_is_named(urdf, names, odd):
+    assert named(identified(urdf, *names)) == odd
+
+
+@pytest.mark.parametrize(('urdf', 'name', 'is_far'), [
+    ('ur5', 'ur10', True), ('ur10', 'ur5', True), ('ur10', 'ur10', False),
+    ('panda', 'panda', False), ('default', 'default', False)])
+def test_the_urdf_of_another_arm_is_named(urdf, name, is_far):
+    (recording,) = identified(urdf, name).recordings
+    causes = recording.facts.contradictions
+    assert ['another URDF' in cause for cause in causes] == [True] * is_far
+
+
+@pytest.mark.soak
+@pytest.mark.skipif(not UR10.is_dir(), reason='the recording of a UR10 is missing')
+@pytest.mark.parametrize(('urdf', 'is_far'), [('ur10', False), ('ur5', True)])
+def test_the_urdf_of_another_arm_is_named_for_a_real_arm(urdf, is_far):
+    read = read_for_arm(UR10, AnalysisSettings(urdf=robot_urdf(urdf)))
+    (recording,) = identify(read.arm, [filter_motion(read.series)]).recordings
+    causes = recording.facts.contradictions
+    assert ['another URDF' in cause for cause in causes] == [True] * is_far
+
+
+@pytest.mark.parametrize('factor', [0.3, 1.0, 1.9, 2.1])
+def test_the_gravity_ratio_of_heavier_bodies_is_the_ratio_of_their_masses(factor):
+    arm = arm_without_gripper('ur10')
+    ratios = gravity_ratios(arm, factor * inertial_parameters(arm), random_states(arm, 20)[0])
+    # shoulder_pan is vertical, and the last wrist bears nothing
+    assert ratios == pytest.approx(np.array([1.0, factor, factor, 1.0, 1.0, 1.0]))
+    assert bool(far_from_urdf(arm.joint_names, ratios)) == (not 0.5 <= factor <= 2.0)
+
+
+@pytest.mark.parametrize(('residuals', 'grade', 'words', 'step'), [
+    ((0.99, 0.08, 0.05), Grade.GOOD, 'friction dominates', 'identified.yaml'),
+    ((0.30, 0.25, 0.05), Grade.GOOD, 'predicts the effort: residual 5.0 %', 'identified.yaml'),
+    ((1.00, 0.247, 0.246), Grade.CHECK, 'identified masses do not improve', 'standstills'),
+    ((1.00, 0.80, 0.30), Grade.CHECK, 'predicts most of the effort', 'longer motion'),
+    ((0.50, 0.04, 0.08), Grade.CHECK, 'the URDF with friction predicts the effort better',
+     'longer motion'),
+    ((0.47, 0.90, 4.25), Grade.BAD, 'the URDF predicts the effort better', 'longer motion'),
+    ((1.00, 0.95, 0.90), Grade.BAD, 'explains less than half', '--effort current'),
+    ((float('nan'),) * 3, Grade.UNKNOWN, 'measured effort is zero', 'driver'),
+])
+def test_the_verdict(residuals, grade, words, step):
+    found = joint_verdict('joint', *residuals)
+    assert found.grade is grade
+    assert words in found.text
+    assert step in found.next_step
+
+
+def test_friction_dominates_only_if_it_removes_half_of_the_mean_square():
+    assert 'friction' in joint_verdict('joint', 0.4, 0.28, 0.05).text
+    assert 'friction' not in joint_verdict('joint', 0.4, 0.29, 0.05).text
+
+
+def test_a_good_joint_is_uncertain_if_its_effort_in_other_poses_is():
+    good, bad = (joint_verdict('joint', 1.0, 0.95, one) for one in (0.05, 0.9))
+    assert in_other_poses(good, 0.1) is good
+    assert in_other_poses(bad, 9.9) is bad
+    found = in_other_poses(good, 0.2)
+    assert found.grade is Grade.CHECK
+    assert found.text == (
+        f'{good.text}; in other poses its effort at rest is known within ± 40.0 % of this effort')
+    assert 'more poses' in found.next_step
+
+
+@pytest.mark.parametrize(('size', 'names'), [(1.0, []), (0.08, ['shoulder_lift_joint'])])
+def test_a_small_motion_leaves_other_poses_uncertain(size, names):
+    """A recording of one pose says little about the others, however small its residuals are."""
+    arm = load_arm(robot_urdf('ur10'))
+    states = fourier_motion(arm, 125.0, 30.0, 0)
+    centre = states.q.mean(axis=0)
+    states = states._replace(
+        q=centre + size * (states.q - centre), v=size * states.v, a=size * states.a)
+    rng = np.random.default_rng(0)
+    effort = rigid_effort(arm, states) + 0.004 * arm.limits.effort * rng.normal(
+        size=states.q.shape)
+    verdicts = joint_verdicts(identify(arm, [filter_motion(series_of(arm, states, effort))]))
+    uncertain = [one.name for one in verdicts if 'in other poses' in one.text]
+    assert set(names) <= set(uncertain)
+    assert not names or all(one.grade is Grade.CHECK for one in verdicts if one.name in uncertain)
+    assert bool(names) == bool(uncertain)

@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The identified URDF: its model is the identified one."""
+"""The identified URDF: its model is the identified one; elements that are replaced in a URDF."""
 
+from identification_bench import changed_arm
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import ModelError
@@ -12,26 +13,17 @@ from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.urdf.inertials import read_bodies
 from robot_dynamics_tools.identification.identified_arm import identified_urdf, kept_fractions
-from robot_dynamics_tools.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
 from robot_dynamics_tools.urdf_editing import with_elements
 from robots import robot_urdf
 
 PANDA_JOINTS = [f'panda_joint{i}' for i in range(1, 8)]
 
 
-def changed_parameters(arm, seed=0):
-    rng = np.random.default_rng(seed)
-    return np.concatenate([
-        from_coordinates(
-            np.linalg.cholesky(pseudo_inertia_matrix(phi)), rng.normal(scale=0.2, size=10))
-        for phi in inertial_parameters(arm).reshape(-1, 10)])
-
-
 @pytest.mark.parametrize(('name', 'joints'), [('ur10', ()), ('panda', PANDA_JOINTS)])
 def test_the_written_arm_is_the_identified_one(name, joints):
     urdf = robot_urdf(name)
     arm = load_arm(urdf, joints)
-    phi = changed_parameters(arm)
+    phi = inertial_parameters(changed_arm(arm, 0.2))
     n = arm.joint_count
     viscous, dry = np.arange(1.0, n + 1.0), 0.5 * np.arange(1.0, n + 1.0)
     found = load_arm(identified_urdf(urdf, arm, phi, viscous, dry), joints)
@@ -74,3 +66,41 @@ def test_impossible_bodies_are_not_written():
         with_elements('<robot>', {}, {})
     with pytest.raises(ModelError, match='DTD'):
         with_elements('<!DOCTYPE robot [<!ENTITY e "x">]><robot/>', {}, {})
+
+
+URDF = """<?xml version="1.0" encoding="latin-1"?>
+<!-- before: <link name="a"/> -->
+<robot name='x'>
+  <link name="base"/><link name='a'>
+    <inertial><mass value="1"/></inertial> <!-- kept -->
+    <visual><geometry><sphere radius="1 > 0"/></geometry></visual>
+  </link>
+  <!-- <link name="a"><inertial/></link> -->
+  <joint name="j" type="revolute"> <dynamics damping="1" spring="4"/> <axis xyz="0 0 1"/> </joint>
+  <joint name="k" type="fixed"/>
+</robot>"""
+
+
+def test_only_what_is_named_changes():
+    changed = with_elements(
+        URDF, {'a': '<inertial>A</inertial>', 'base': '<inertial>B</inertial>'},
+        {'k': {'damping': '3'}, 'j': {'damping': '2'}})
+    assert changed == """<?xml version="1.0" encoding="UTF-8"?>
+<!-- before: <link name="a"/> -->
+<robot name="x">
+  <link name="base">
+    <inertial>B</inertial>
+  </link><link name="a">
+    <inertial>A</inertial>
+     <!-- kept -->
+    <visual><geometry><sphere radius="1 &gt; 0"/></geometry></visual>
+  </link>
+  <!-- <link name="a"><inertial/></link> -->
+  <joint name="j" type="revolute"> <dynamics damping="2" spring="4"/> <axis xyz="0 0 1"/> </joint>
+  <joint name="k" type="fixed">
+    <dynamics damping="3"/>
+  </joint>
+</robot>
+"""
+    assert with_elements(changed, {}, {}) == changed
+    assert with_elements('\ufeff' + changed.replace('UTF-8', 'utf-16'), {}, {}) == changed

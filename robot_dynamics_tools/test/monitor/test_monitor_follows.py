@@ -13,7 +13,7 @@ from closed_loop import NAMES, START
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from disturbances import set_payload
 from geometry_msgs.msg import Quaternion
-from held_robot import HeldRobot
+from held_robot import HeldRobot, monitored
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import numpy as np
@@ -75,11 +75,8 @@ def external(
 def test_parameters_and_payloads_of_another_node_are_followed(client):
     """Effort calibration at the start; gravity, payloads and bandwidth as they change."""
     node = '/led/dynamics_monitor'
-    with running(
-            NodeProcess(DYNAMICS, {
-                **UNHURRIED, 'joints': NAMES, 'effort.report_scale': [0.5],
-                'external_effort_bandwidth': 50.0}, namespace='/led', node_name='dynamics'),
-            NodeProcess(MONITOR, namespace='/led')):
+    with monitored('/led', {
+            'joints': NAMES, 'effort.report_scale': [0.5], 'external_effort_bandwidth': 50.0}):
         robot = HeldRobot(client, '/led', True, position=START, effort=(2.0 * G).tolist())
         external(client, robot, [0.0, 0.0], node=node)
         client.set_parameters('/led/dynamics', {'gravity': [0.0, 0.0, -9.0]})
@@ -100,11 +97,8 @@ def test_gravity_of_the_imu_is_that_of_the_monitor_too(client):
     message = Imu(orientation=Quaternion(y=math.sin(0.15), w=math.cos(0.15)))
     gravity = 9.81 * np.array([math.sin(0.3), 0.0, -math.cos(0.3)])
     effort = ArmDynamics(ARM.with_gravity(gravity)).rigid_body.gravity(np.array(START))
-    with running(
-            NodeProcess(DYNAMICS, {
-                **UNHURRIED, 'joints': NAMES, 'imu_rpy': [0.0, 0.0, 0.0],
-                'external_effort_bandwidth': 50.0}, namespace='/tilted'),
-            NodeProcess(MONITOR, namespace='/tilted')):
+    with monitored('/tilted', {
+            'joints': NAMES, 'imu_rpy': [0.0, 0.0, 0.0], 'external_effort_bandwidth': 50.0}):
         robot = HeldRobot(client, '/tilted', True, position=START, effort=effort.tolist())
         imu = client.publisher(Imu, '/tilted/base_imu', 1, subscribers=2)
         external(  # a subscriber may not know this publisher yet, and drop its message

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
-from held_robot import HeldRobot
+from held_robot import HeldRobot, monitored
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
@@ -19,16 +19,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics_tools.monitor.markers import drawn, LiveMarkers
 from robot_dynamics_tools.pictures.arm_marks import ArmMarks
-from ros_harness import (
-    Collector,
-    DYNAMICS,
-    MONITOR,
-    NodeProcess,
-    RosClient,
-    running,
-    TIMEOUT,
-    wait_until,
-)
+from ros_harness import Collector, RosClient, TIMEOUT, wait_until
 from visualization_msgs.msg import Marker, MarkerArray
 import yaml
 
@@ -63,9 +54,7 @@ def by_name(message: MarkerArray) -> dict[tuple[str, int], Any]:
 
 @pytest.fixture(scope='module', autouse=True)
 def node() -> Iterator[None]:
-    with running(
-            NodeProcess(DYNAMICS, {'external_effort_bandwidth': 50.0}, namespace='/marked'),
-            NodeProcess(MONITOR, namespace='/marked')):
+    with monitored('/marked', {'external_effort_bandwidth': 50.0}):
         yield
 
 

@@ -62,22 +62,6 @@ def test_what_was_serialized_is_read(messages, little_endian):
             if names and len(values) == len(names)}
 
 
-def test_messages_of_other_joints_are_skipped_and_order_is_kept():
-    stamps = np.arange(1, 1001, dtype=np.int64)
-    values = np.random.default_rng(0).normal(size=(1000, 3))
-    messages = joint_state_messages(stamps, 'abc', values, None, -values)
-    others = joint_state_messages(stamps, 'xy', values[:, :2])
-    mixed = [message for pair in zip(messages, others) for message in pair]
-    recorded_ = RecordedJointStates('a test', np.arange(2000), *decode_joint_states(mixed))
-    arm = recorded_.series('abc')
-    np.testing.assert_array_equal(arm.stamps_ns, stamps)
-    np.testing.assert_array_equal(arm.position, values)
-    np.testing.assert_array_equal(arm.effort, -values)
-    assert arm.velocity is None
-    assert arm.faults.other_joints == 1000
-    assert recorded_.series('yx').effort is None
-
-
 @settings(deadline=None, derandomize=True, max_examples=50)
 @given(states(), st.data())
 def test_bytes_of_any_kind_are_counted_or_read(state, data):

@@ -3,8 +3,10 @@
 
 """Recordings: written data are read back, by this package and by plain rosbags."""
 
+from collections.abc import Iterator
 import os
 import signal
+import threading
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,6 +14,7 @@ import numpy as np
 import pytest
 from recordings import serialized
 from robot_dynamics.exceptions import RecordingError
+from robot_dynamics_tools.recordings.interrupts import uninterrupted
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.messages import joint_state_messages, stamped_messages
 from robot_dynamics_tools.recordings.reader import Recording
@@ -71,7 +74,8 @@ def test_rosbags_alone_reads_it(recording):
     # Without a type store: the definitions have to be in the files.
     with AnyReader([recording]) as reader:
         assert {c.topic: c.msgtype for c in reader.connections} == {
-            '/joint_states': JOINT_STATE, '/terms': DYNAMICS_TERMS}
+            '/joint_states': 'sensor_msgs/msg/JointState',
+            '/terms': 'robot_dynamics_interfaces/msg/DynamicsTerms'}
         seen = [(c.topic, t, reader.deserialize(raw, c.msgtype)) for c, t, raw in
                 reader.messages()]
         qos = {c.topic: c.ext.offered_qos_profiles[0] for c in reader.connections}
@@ -91,7 +95,8 @@ def test_topics_and_metadata_are_those_of_rosbag2(recording):
         assert words in text
     with Recording(recording) as opened:
         assert [(t.name, t.message_type, t.message_count) for t in opened.topics] == [
-            ('/joint_states', JOINT_STATE, 5), ('/terms', DYNAMICS_TERMS, 5)]
+            ('/joint_states', 'sensor_msgs/msg/JointState', 5),
+            ('/terms', 'robot_dynamics_interfaces/msg/DynamicsTerms', 5)]
         assert opened.topic('/terms').qos == TopicQos(depth=7, transient_local=True)
         with pytest.raises(RecordingError, match=r"'/nothing'.*'/joint_states', '/terms'"):
             opened.topic('/nothing')
@@ -260,7 +265,7 @@ def test_a_message_that_cannot_be_decoded_is_refused(tmp_path):
 
 def test_wrong_questions_are_refused(recording):
     with Recording(recording) as opened:
-        with pytest.raises(RecordingError, match=DYNAMICS_TERMS):
+        with pytest.raises(RecordingError, match='robot_dynamics_interfaces/msg/DynamicsTerms'):
             opened.joint_series('/terms')
         with pytest.raises(RecordingError, match=r"the joints \['c'\]; it has \['a', 'b'\]"):
             opened.joint_series('/joint_states', ['a', 'c'])
@@ -300,3 +305,31 @@ def test_an_interrupt_waits_until_the_record_is_whole(tmp_path):
     with Recording(tmp_path / 'bag') as recording:
         assert [message.data for _, message in recording.messages('/text')] == [
             str(k) for k in range(5)]
+
+
+@pytest.fixture(autouse=True)
+def default_handler() -> Iterator[None]:
+    """Give SIGINT Python's handler: a background job of a shell starts with it ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_an_ignored_signal_stays_ignored():
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with uninterrupted():
+        signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+def test_other_threads_are_not_concerned():
+    handlers = []
+
+    def work() -> None:
+        with uninterrupted():
+            handlers.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert handlers == [signal.default_int_handler]

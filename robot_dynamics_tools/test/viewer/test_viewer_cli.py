@@ -11,7 +11,7 @@ import sys
 
 import children
 import pytest
-from robot_dynamics_tools.viewer.cli import AT, main
+from robot_dynamics_tools.viewer.cli import main
 from robots import must_have_everything
 from ros_harness import NodeProcess, TIMEOUT
 
@@ -20,7 +20,7 @@ if not must_have_everything():
 from viewer_bench import PROTOCOL, TOOLS
 from websockets.sync.client import connect
 
-OPEN = re.compile(AT)
+OPEN = re.compile('viewer: open')
 
 
 pytestmark = pytest.mark.usefixtures('_no_proxy')
