@@ -9,8 +9,9 @@ then blocks its thread, and all others: rclpy writes while it holds the lock of 
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 import os
+import select
 import stat
 import threading
 
@@ -27,7 +28,7 @@ def unblocked_stderr() -> Iterator[None]:
     if stat.S_ISREG(os.fstat(STDERR).st_mode):
         yield
         return
-    reader, given = os.dup(STDERR), os.dup(STDERR)
+    given = os.dup(STDERR)
     source, sink = os.pipe()
     os.set_blocking(sink, False)
     os.dup2(sink, STDERR)
@@ -35,16 +36,15 @@ def unblocked_stderr() -> Iterator[None]:
 
     def pass_on() -> None:
         while part := os.read(source, PART):
-            while part:
-                part = part[os.write(reader, part):]
+            with suppress(OSError):  # the terminal is closed
+                while part:
+                    part = part[os.write(given, part):]
 
     thread = threading.Thread(target=pass_on, name='stderr', daemon=True)
     thread.start()
     try:
         yield
     finally:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, STDERR)  # the end of the pipe
-        thread.join(LAST_WORDS)
-        if not thread.is_alive():
+        if select.select([], [given], [], LAST_WORDS)[1]:  # else the pipe remains
             os.dup2(given, STDERR)
+            thread.join(LAST_WORDS)
