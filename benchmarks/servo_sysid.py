@@ -17,12 +17,14 @@ motions, and compared with their measured positions. Needs `pip install "mujoco[
 
 import argparse
 from collections.abc import Sequence
+from contextlib import redirect_stdout
+import importlib
+import io
+import sys
 import time
 from typing import Any, NamedTuple
 
 from benchmarks.estimators import Case
-import mujoco
-from mujoco import sysid
 import numpy as np
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
@@ -36,8 +38,8 @@ from robot_dynamics_tools.identification.pipeline import identify
 from robot_dynamics_tools.mujoco.mjcf import arm_to_mjcf
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 
-RATES, BITS = (30.0, 50.0, 100.0), (8, 10, 12)
-DELAY, BACKLASH, SECONDS = 0.02, np.deg2rad(1.0), 30.0
+RATES, BITS = (30.0, 50.0, 100.0), (8, 8, 8, 10, 10, 12)
+DELAY, BACKLASH, SECONDS = 0.02, np.deg2rad(1.0), 20.0
 SAG = 0.05
 """[rad] under the largest gravity torque of a joint."""
 STEP, MUJOCO_STEP = 2e-4, 4e-3
@@ -72,7 +74,7 @@ class Servos:
 
     def __init__(self, seed: int) -> None:
         self.case = case = Case(seed)
-        self.rate, self.bits = RATES[seed % 3], BITS[seed // 3 % 3]
+        self.rate, self.bits = RATES[seed % 3], BITS[seed % 6]
         self.stiffness = case.limit / 2.5 / SAG
         self.inertia = np.diag(RigidBody(case.true).mass_matrix(np.zeros(case.n))) + case.rotor
         self.damping = 1.4 * np.sqrt(self.stiffness * self.inertia)
@@ -135,7 +137,7 @@ class Servos:
 class Model(NamedTuple):
     """A model of MuJoCo with position servos, the delay of the command [s], and the seconds."""
 
-    mujoco: mujoco.MjModel
+    mujoco: Any
     delay: float
     seconds: float
 
@@ -149,27 +151,29 @@ class Model(NamedTuple):
         return error[counted], error[counted & rests]
 
 
-def _positions(model: mujoco.MjModel, recording: Recording, delay: float) -> FloatArray:
-    data, held = mujoco.MjData(model), recording.held(model.opt.timestep, delay)
+def _positions(model: Any, recording: Recording, delay: float) -> FloatArray:
+    mj = importlib.import_module('mujoco')
+    data, held = mj.MjData(model), recording.held(model.opt.timestep, delay)
     data.qpos[:] = recording.position[0]
     found = np.empty_like(held)
     for k, data.ctrl[:] in enumerate(held):
         found[k] = data.qpos
-        mujoco.mj_step(model, data)
+        mj.mj_step(model, data)
     times = model.opt.timestep * np.arange(len(held))
     return np.stack([np.interp(recording.times, times, column) for column in found.T], axis=1)
 
 
-def spec_of(arm: ArmModel, stiffness: FloatArray) -> mujoco.MjSpec:
+def spec_of(arm: ArmModel, stiffness: FloatArray) -> Any:
     """Return the arm with position servos in MuJoCo, and a sensor per joint."""
-    spec = mujoco.MjSpec.from_string(arm_to_mjcf(arm))
+    mj = importlib.import_module('mujoco')
+    spec = mj.MjSpec.from_string(arm_to_mjcf(arm))
     spec.option.timestep = MUJOCO_STEP
     for motor, k_p in zip(spec.actuators, stiffness):
         motor.set_to_position(kp=k_p)
         motor.ctrllimited = False  # of an effort; that of positions includes the damping
         spec.add_sensor(
-            name=motor.name, type=mujoco.mjtSensor.mjSENS_JOINTPOS, objname=motor.name,
-            objtype=mujoco.mjtObj.mjOBJ_JOINT)
+            name=motor.name, type=mj.mjtSensor.mjSENS_JOINTPOS, objname=motor.name,
+            objtype=mj.mjtObj.mjOBJ_JOINT)
     return spec
 
 
@@ -189,6 +193,7 @@ def by_identify(servos: Servos, recording: Recording) -> Model:
 
 def by_sysid(servos: Servos, recording: Recording, with_masses: bool) -> Model:
     """Fit the parameters of MuJoCo's model to the simulated positions."""
+    sysid = importlib.import_module('mujoco.sysid')
     begun = time.perf_counter()
     case, params = servos.case, sysid.ParameterDict()
     spec = spec_of(case.arm, servos.stiffness)
@@ -197,8 +202,7 @@ def by_sysid(servos: Servos, recording: Recording, with_masses: bool) -> Model:
         params.add(sysid.Parameter(name, start, start * bounds[0], start * bounds[1],
                                    modifier=modifier))
 
-    for j, (name, k_p, limit) in enumerate(zip(
-            case.arm.joint_names, servos.stiffness, case.limit)):
+    for name, k_p, limit in zip(case.arm.joint_names, servos.stiffness, case.limit):
         for field, start in (
                 ('armature', 0.002 * limit), ('frictionloss', 0.02 * limit),
                 ('damping', 0.1 * k_p)):
@@ -222,7 +226,8 @@ def by_sysid(servos: Servos, recording: Recording, with_masses: bool) -> Model:
             sysid.TimeSeries(MUJOCO_STEP * np.arange(len(control)), control),
             sysid.TimeSeries.from_names(recording.times, recording.position, model))],
         modify_residual=transform.apply)
-    found, _ = sysid.optimize(params, residual, verbose=False, x_scale='jac')
+    with redirect_stdout(io.StringIO()):  # a line per iteration
+        found, _ = sysid.optimize(params, residual, verbose=False, x_scale='jac')
     seconds = time.perf_counter() - begun
     return Model(sysid.apply_param_modifiers(found, spec), found['delay'].value[0], seconds)
 
@@ -233,12 +238,12 @@ def _figures(model: Model, motions: Sequence[Recording]) -> str:
     return f'{all_:.1f} | {rests:.1f} | {1e3 * model.delay:.0f} | {model.seconds:.1f}'
 
 
-def main() -> None:
+def main(argv: Sequence[str] = ()) -> None:
     """Print a line per arm and method."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--arms', type=int, nargs=2, default=(0, 6), metavar=('FIRST', 'COUNT'))
     parser.add_argument('--masses', action='store_true')
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(argv)
     first, count = arguments.arms
     print('| arm | method | error [mrad] | at rest [mrad] | delay [ms] | fit [s] |\n'
           '| --- | --- | --- | --- | --- | --- |')
@@ -246,9 +251,8 @@ def main() -> None:
         servos = Servos(seed)
         recording, motions = servos.teleoperation(), servos.unseen()
         arm = f'{seed}: {servos.case.n} joints, {servos.bits} bit, {servos.rate:.0f} Hz'
-        nominal = Model(spec_of(servos.case.arm, servos.stiffness).compile(), 0.0, 0.0)
         for method, model in (
-                ('URDF', nominal), ('identify', by_identify(servos, recording)),
+                ('identify', by_identify(servos, recording)),
                 ('mujoco.sysid', by_sysid(servos, recording, False)),
                 *([('mujoco.sysid, masses', by_sysid(servos, recording, True))]
                   if arguments.masses else [])):
@@ -256,4 +260,4 @@ def main() -> None:
 
 
 if __name__ == '__main__':
-    main()
+    main(sys.argv[1:])
