@@ -8,11 +8,12 @@ Position servos without torque reading: `identify` and mujoco.sysid on the same 
 
 The arms are generated, of 3 to 6 joints, with masses 15 % off the URDF. Their servos have rotors,
 friction with presliding and a Stribeck curve, a backlash of 1 degree between rotor and link, a
-delay of 20 ms, and positions of 8, 10 or 12 bit; the recordings have the command and the position
-at 30, 50 or 100 Hz. Both methods know the URDF and the stiffness k_p. mujoco.sysid fits armature,
-dry friction, damping and stiffness per joint and the delay, with `--masses` also mass and centre
-of mass of each body. Both results are then simulated by MuJoCo with the commands of other
-motions, and compared with their measured positions. Needs `pip install "mujoco[sysid]"`.
+delay of 20 ms, and positions of 8 bit (arms 0 to 2), 10 bit (3 to 5) or 12 bit (6 to 8); the
+recordings have the command and the position at 30, 50 or 100 Hz. Both methods know the URDF and
+the stiffness k_p. mujoco.sysid fits armature, dry friction, damping and stiffness per joint and
+the delay, with `--masses` also mass and centre of mass of each body. Both results are then
+simulated by MuJoCo with the commands of other motions, and compared with
+their measured positions. Needs `scripts/setup peers`.
 """
 
 import argparse
@@ -38,7 +39,7 @@ from robot_dynamics_tools.identification.pipeline import identify
 from robot_dynamics_tools.mujoco.mjcf import arm_to_mjcf
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 
-RATES, BITS = (30.0, 50.0, 100.0), (8, 8, 8, 10, 10, 12)
+RATES, BITS = (30.0, 50.0, 100.0), (8, 10, 12)
 DELAY, BACKLASH, SECONDS = 0.02, np.deg2rad(1.0), 20.0
 SAG = 0.05
 """[rad] under the largest gravity torque of a joint."""
@@ -74,7 +75,7 @@ class Servos:
 
     def __init__(self, seed: int) -> None:
         self.case = case = Case(seed)
-        self.rate, self.bits = RATES[seed % 3], BITS[seed % 6]
+        self.rate, self.bits = RATES[seed % 3], BITS[seed // 3 % 3]
         self.stiffness = case.limit / 2.5 / SAG
         self.inertia = np.diag(RigidBody(case.true).mass_matrix(np.zeros(case.n))) + case.rotor
         self.damping = 1.4 * np.sqrt(self.stiffness * self.inertia)
