@@ -20,6 +20,7 @@ from benchmarks import (
     plans,
     rate,
     safe_motion,
+    servo_sysid,
     simulation,
     start_up,
 )
@@ -43,5 +44,6 @@ LONG_BENCHMARKS: dict[str, Callable[[], None]] = {
     'payload_estimation': payload_estimation.main,
     'plans': plans.main,
     'hand_guiding': hand_guiding.main,
+    'servo_sysid': servo_sysid.main,
 }
 """Run only when they are named."""

@@ -60,7 +60,7 @@ setup(
         'viewer': ['pycollada', 'trimesh', 'viser~=1.1', 'websockets'],  # in a browser
         'video': ['imageio-ffmpeg'],  # MP4 where no ffmpeg is installed
         # other engines, for the benchmarks: requirements/peers.txt
-        'peers': ['drake', 'dynibo', 'mujoco>=4', 'roboticstoolbox-python>=1.5'],
+        'peers': ['drake', 'dynibo', 'mujoco[sysid]>=4', 'roboticstoolbox-python>=1.5'],
     },
     zip_safe=False,
     author=manifest.findtext('author'),

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.parameter_field import per_joint_values
 from robot_dynamics.model.arm import ArmModel
@@ -31,8 +32,10 @@ JOINT_TRAJECTORY, NUMBERS = (
     'trajectory_msgs/msg/JointTrajectory', 'std_msgs/msg/Float64MultiArray')
 DELAYS = np.arange(0.0, 0.1, 0.004)
 """Candidates of the delay [s]."""
-CUTOFF, LEAST_SPEED = 5.0, 0.05
-"""[Hz] of the filter for the delay, and [rad/s] or [m/s] of a motion that shows it."""
+CUTOFF, LEAST_SPEED = 2.0, 0.05
+"""[Hz] of the filter for the delay, and [rad/s] or [m/s] of a motion that shows it.
+
+Above it, the velocity of a position of few bits is noise, which lengthens the delay."""
 WIDTHS = 0.01, 0.03, 0.1
 """[rad/s] or [m/s] over which dry friction may change its sign."""
 
@@ -45,9 +48,9 @@ def drive_effort(
 
     `stiffness` k_p is the parameter drive.stiffness [N·m/rad] or [N/m], empty for 1: the effort
     is then the distance. `sent` has the commanded positions. Samples before the first command are
-    left out. The delay is that for which the rigid bodies, friction and rotors of each joint
-    explain the effort best; it is 0 for an arm at rest. Raises InvalidInputError for a stiffness
-    that is not above 0, RecordingError without positions.
+    left out. The delay is that for which the rigid bodies, friction and rotors of each joint, none
+    of them negative, explain the effort best; it is 0 for an arm at rest. Raises InvalidInputError
+    for a stiffness that is not above 0, RecordingError without positions.
     """
     k_p = per_joint_values(STIFFNESS, stiffness, arm.joint_names, np.ones(arm.joint_count))
     if not (k_p > 0.0).all():
@@ -117,15 +120,18 @@ def _delay(
     if np.abs(v).max(initial=0.0) < LEAST_SPEED:
         return 0.0
     model = RigidBody(arm).inverse_dynamics_batch(q, v, a)
-    one = np.ones(len(q))
+    one, solve = np.ones(len(q)), optional('scipy.optimize', 'the delay of a command').nnls
     loss = np.zeros(len(motions))
     for j in range(arm.joint_count):
-        X = np.column_stack([
-            one, v[:, j], *(np.tanh(v[:, j] / width) for width in WIDTHS), a[:, j], model[:, j]])
-        Q, _ = np.linalg.qr(X)
+        # A delay that is too long acts like less damping and less inertia. Rotors and friction are
+        # therefore not negative.
+        Q, R = np.linalg.qr(np.column_stack([
+            one, -one, v[:, j], *(np.tanh(v[:, j] / width) for width in WIDTHS), a[:, j],
+            model[:, j]]))
         for i, (_, each) in enumerate(motions):
             tau = each.measured_effort[motion.usable, j]
-            rest = tau - Q @ (Q.T @ tau)
-            loss[i] += np.log(max(float(rest @ rest), 1e-300))
+            along = Q.T @ tau
+            rest = float(tau @ tau - along @ along) + solve(R, along)[1]**2
+            loss[i] += np.log(max(rest, 1e-300))
     # delays between two commands are equal
     return float(np.mean(DELAYS[loss <= loss.min() + 1e-9]))

@@ -21,6 +21,7 @@ from robot_dynamics_tools.analysis import position_drives
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_for_arm
 from robot_dynamics_tools.analysis.bag_analysis import analyze_recording
 from robot_dynamics_tools.commands import identify
+from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.recordings.topics import common_types, JOINT_STATE
 from robot_dynamics_tools.recordings.writer import RecordingWriter
@@ -246,6 +247,19 @@ def test_the_effort_is_that_of_the_drive_after_its_delay(bag):
     assert int(line.split()[-2]) == pytest.approx(24, abs=4)
     friction = read.series.effort - motion.tau
     assert friction == pytest.approx(4.0 * motion.v + 0.5 * np.tanh(motion.v / 0.02), abs=0.05)
+
+
+@pytest.mark.parametrize('bits', [10, 12])
+def test_the_delay_of_a_damped_drive_with_few_bits(bits):
+    motion, quantum = KnownMotion(seconds=30.0, rest=0.6), 2.0 * np.pi / 2**bits
+    needed = motion.q + (
+        motion.tau + 40.0 * motion.v + 0.5 * np.tanh(motion.v / 0.02)) / STIFFNESS
+    states, sent = (
+        JointSeries(motion.names, stamps, quantum * np.round(q / quantum), None, None, 0)
+        for stamps, q in (
+            (motion.stamps_ns, motion.q), (motion.stamps_ns - 24_000_000, needed)))
+    _, delay = position_drives.drive_effort(states, sent, motion.arm, STIFFNESS)
+    assert delay == pytest.approx(0.024, abs=0.006)
 
 
 def test_wrong_input_is_named(bag):
