@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import time
 
 import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.worst_gravity import QUICK, worst_gravity
 from robot_dynamics_tools.connect.checks import BAD, Checklist, Settings, UNKNOWN
@@ -49,6 +50,25 @@ def watch_poses(
     return holds
 
 
+def _poses(arm: ArmModel, holds: Sequence[Hold]) -> tuple[FloatArray, FloatArray]:
+    """
+    Return positions and efforts (P, n) of the poses of holds, each the mean of its holds.
+
+    Dry friction has the sign of the last motion, so that holds of one pose may have one error.
+    """
+    least, groups = per_joint(DISTINCT, arm.joint_kinds), list[list[Hold]]()
+    for hold in holds:
+        near = [group for group in groups
+                if (np.abs(hold.position - group[0].position) <= least).all()]
+        if near:
+            near[0].append(hold)
+        else:
+            groups.append([hold])
+    q, effort = (np.array([np.mean([getattr(hold, name) for hold in group], axis=0)
+                           for group in groups]) for name in ('position', 'effort'))
+    return q, effort
+
+
 def check_report(
     arm: ArmModel, holds: Sequence[Hold], may_tilt: bool, checks: Checklist,
 ) -> Settings:
@@ -57,9 +77,8 @@ def check_report(
 
     The report scale and offset of `arm` apply to the efforts.
     """
-    names, where = arm.joint_names, f'{len(holds)} holds'
-    q, effort = (np.array([getattr(hold, name) for hold in holds])
-                 for name in ('position', 'effort'))
+    q, effort = _poses(arm, holds)
+    names, where = arm.joint_names, counted(len(q), 'pose')
     if not holds:
         checks.add('report', UNKNOWN, 'no pose was held', 'effort is g(q)', 'hold each for 2 s')
         return {}

@@ -47,6 +47,9 @@ NAMESPACE = '/connect'
 NODE = f'{NAMESPACE}/dynamics'
 STEP = 0.02, 0.005
 """[rad], [m]: displacement of a probe."""
+REACH, FRICTION = 15, 0.08
+"""Steps that the reference may go, and effort by its limit, until a joint that friction holds
+moves."""
 START_TIME = 30.0
 """[s] that the node may take to start."""
 MOVE_TIME, HOLD_TIME = 0.5, 2.0
@@ -63,9 +66,9 @@ RATE_SHARE, LEAST_GAINS = 'share of the gains that the state rate allows', 0.5
 QUESTION = (
     'The arm stands at {pose}, by its joint states.\n'
     'A dynamics node now holds it with at most {share:.0%} of its effort limits, and moves each '
-    'joint by {step}.\nThen the command ends: brakes, or the controller of the robot, must hold '
-    'the arm. Keep the emergency stop\nat hand. Ctrl-C stops the arm. Type yes and press Enter if '
-    'the pose is right: ')
+    'joint by about\n{step}. Then the command ends: brakes, or the controller of the robot, must '
+    'hold the arm. Keep the emergency stop\nat hand. Ctrl-C stops the arm. Type yes and press '
+    'Enter if the pose is right: ')
 
 
 def confirm(arm: ArmModel, q: FloatArray) -> None:
@@ -168,23 +171,15 @@ class Probes:
         """
         Move joint j away from its nearer limit, and back; check its way, friction and torque.
 
-        The mean of both directions has no friction.
+        The reference goes further while friction holds the joint. The mean of both directions has
+        no friction.
         """
-        arm, watch = self._arm, self._watch
+        arm = self._arm
         limits, step = arm.limits, per_joint(STEP, arm.joint_kinds)
         sign = 1.0 if limits.upper[j] - start[j] > start[j] - limits.lower[j] else -1.0
-        aside = start + sign * step * (np.arange(len(start)) == j)
-        seen, far = list[FloatArray](), 0.0
-        for goal in (aside.tolist(), start.tolist()):
-            self._torque.clear()
-            watch.wait_taken(goal, partial(publish, goal, MOVE_TIME))
-            watch.wait_end(goal, lambda _: None)
-            watch.wait_rest()
-            if not self._torque:
-                raise NoAnswerError(f'no message on {NODE}/computed_torque during the motion')
-            seen.append(np.mean(self._torque, axis=0)[:, j])
-            far = max(far, abs(watch.measured()[j] - start[j]))
-        (there, g_there, e_there), (back, g_back, e_back) = seen
+        (there, g_there, e_there), far = self._push(j, start, sign * step[j], 1, publish)
+        (back, g_back, e_back), way = self._push(j, start, -sign * step[j], 0, publish)
+        far = max(far, way)
         if max(abs(there), abs(back)) > NOISE * limits.effort[j] and (
                 np.isfinite(e_there + e_back)):
             self._reported[j] = (e_there * there + e_back * back) / (there**2 + back**2)
@@ -200,6 +195,32 @@ class Probes:
             f'moved by {step[j]:g}, held by 1.00 g(q)',
             'see drive, mount, and masses of the model' if is_moved else
             'friction or a brake holds it: set actuator.reflected_inertia and friction')
+
+    def _push(
+        self, j: int, start: FloatArray, step: float, first: int,
+        publish: Callable[[Sequence[float], float], None],
+    ) -> tuple[FloatArray, float]:
+        """
+        Move the reference of joint j from `start` (n,) by steps, at first `first`, until it moves.
+
+        Return torque, g(q) and reported effort of the joint in the last step, and how far it is
+        from its start.
+        """
+        watch, limits, name = self._watch, self._arm.limits, self._arm.joint_names[j]
+        began, goal = watch.measured()[j], start.copy()
+        effort = abs(step) * self._stiffness.get(name, np.inf)  # per step
+        most = min(REACH, int(FRICTION * limits.effort[j] / max(effort, 1e-9)))
+        for k in range(first, max(first, most) + 1):
+            goal[j] = np.clip(start[j] + k * step, limits.lower[j], limits.upper[j])
+            self._torque.clear()
+            watch.wait_taken(goal.tolist(), partial(publish, goal.tolist(), MOVE_TIME))
+            watch.wait_end(goal.tolist(), lambda _: None)
+            watch.wait_rest()
+            if (watch.measured()[j] - began) * np.sign(step) > 0.5 * abs(step):
+                break
+        if not self._torque:
+            raise NoAnswerError(f'no message on {NODE}/computed_torque during the motion')
+        return np.mean(self._torque, axis=0)[:, j], abs(watch.measured()[j] - start[j])
 
     def _on_state(self, message: JointState) -> None:
         self._effort = dict(zip(message.name, message.effort))
