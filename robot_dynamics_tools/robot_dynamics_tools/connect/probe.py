@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 import json
+import math
 from pathlib import Path
 import re
 import sys
@@ -62,6 +63,7 @@ LEAST_SHARE, NEAR = 0.05, 0.15
 """Gravity by the effort limit from which a probe shows the command; and its largest error."""
 REVERSED = -0.5
 """Reported effort by torque of a small motion below which the report is reversed."""
+COULOMB = 'friction.coulomb'
 RATE_SHARE, LEAST_GAINS = 'share of the gains that the state rate allows', 0.5
 QUESTION = (
     'The arm stands at {pose}, by its joint states.\n'
@@ -116,6 +118,8 @@ class Probes:
         """Of g(q) that holds the joint (n,), NaN if it bears too little to tell."""
         self._reported: FloatArray = np.ones(arm.joint_count)
         """Reported effort by torque in the probes (n,), 1 if the torque is too small to tell."""
+        self._friction: FloatArray = np.full(arm.joint_count, np.nan)
+        """Dry friction (n,) of the joints that the probes have moved, else NaN."""
         self._effort: dict[str, float] = {}
         """The newest reported efforts by name."""
         self._values: dict[str, str] = {}
@@ -163,7 +167,11 @@ class Probes:
             if verdicts[name].startswith(UNSEEN) and ratio < REVERSED and (
                     used.get('measured_effort', ('joint_torque',))[0] == 'joint_torque'):
                 verdicts[name] = f'report scale -1; {ratio:.2f} of the torque in the probe'
-        return drive_settings(arm, verdicts, self._share, used, failure, self._checks)
+        settings = drive_settings(arm, verdicts, self._share, used, failure, self._checks)
+        if COULOMB not in used and np.nansum(self._friction) > 0.0 and (
+                np.isfinite(self._friction).all()):
+            settings[COULOMB] = self._friction.round(3).tolist(), 'of the probes, both directions'
+        return settings
 
     def _probe(
         self, j: int, start: FloatArray, publish: Callable[[Sequence[float], float], None],
@@ -189,6 +197,8 @@ class Probes:
             held = f', held by {self._share[j]:.2f} g(q)'
         friction = max(0.5 * sign * (there - g_there - back + g_back), 0.0)
         is_moved = far > 0.5 * step[j]
+        if is_moved:
+            self._friction[j] = friction if friction > NOISE * limits.effort[j] else 0.0
         self._checks.add(
             f'probe of {arm.joint_names[j]}', is_moved and not abs(self._share[j] - 1.0) >= NEAR,
             f'moved by {far:.4f}, friction {"" if is_moved else "above "}{friction:.2g}{held}',
@@ -209,7 +219,7 @@ class Probes:
         watch, limits, name = self._watch, self._arm.limits, self._arm.joint_names[j]
         began, goal = watch.measured()[j], start.copy()
         effort = abs(step) * self._stiffness.get(name, np.inf)  # per step
-        most = min(REACH, int(FRICTION * limits.effort[j] / max(effort, 1e-9)))
+        most = min(REACH, math.ceil(FRICTION * limits.effort[j] / max(effort, 1e-9)))
         for k in range(first, max(first, most) + 1):
             goal[j] = np.clip(start[j] + k * step, limits.lower[j], limits.upper[j])
             self._torque.clear()

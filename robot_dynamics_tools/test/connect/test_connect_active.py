@@ -3,7 +3,7 @@
 
 """`ros2 dynamics connect` holds a simulated arm, and moves each joint a little."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 import signal
@@ -32,10 +32,11 @@ START = [0.8, 0.5]
 
 
 @contextmanager
-def arm() -> Iterator[None]:
-    """Run an arm that hangs on its brakes until the first effort."""
+def arm(friction: Sequence[float] = (0.0, 0.0)) -> Iterator[None]:
+    """Run an arm with dry friction [N·m] that hangs on its brakes until the first effort."""
     with NodeProcess(SIMULATED_ARM, {
-            'joints': ['joint1', 'joint2'], 'initial_position': START, 'rate': 200.0}):
+            'joints': ['joint1', 'joint2'], 'initial_position': START, 'rate': 200.0,
+            'friction.coulomb': list(friction)}):
         yield
 
 
@@ -61,6 +62,21 @@ def test_a_right_arm_moves_no_more_than_the_probes(options, capsys, tmp_path):
     is_shown = 'check    probe of' not in out  # a busy machine lowers the gains
     command = read_parameter_file(tmp_path / 'my.yaml')['command']
     assert command == ('computed_torque' if is_shown else 'none')
+
+
+def test_joints_that_friction_holds_are_pushed_until_they_move(options, capsys, tmp_path):
+    friction = [9.0, 3.6]  # 6 % of the limits, more than the stiffness times 0.02 rad
+    with arm(friction), RosClient() as client, client.collect(
+            JointState, '/joint_states', BEST_EFFORT) as states:
+        assert main(options) == 0
+        moved = np.abs([np.subtract(state.position, START) for state in states.messages])
+    assert 'check    probe of' not in capsys.readouterr().out
+    far = moved.max(axis=0)
+    assert (far > 0.009).all()
+    assert (far < 0.06).all()
+    found = read_parameter_file(tmp_path / 'my.yaml')
+    assert found['command'] == 'computed_torque'
+    assert found['friction.coulomb'] == pytest.approx(friction, rel=0.25)
 
 
 def test_ctrl_c_stops_the_arm(options, tmp_path):
