@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processes of which others discover only a part: a reader without a node, a client that gets no response."""
+"""Processes of which others discover only a part: a reader without a node, a deaf client."""
 
 import itertools
 from pathlib import Path
