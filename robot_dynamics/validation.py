@@ -182,19 +182,6 @@ def check_samples(
     return _check_size(field, array, entries, names, largest)
 
 
-def check_states(
-    field: str, value: npt.ArrayLike, columns: int, names: Sequence[str] | None = None,
-) -> FloatArray:
-    """
-    Return one vector, shape (columns,), or many, shape (samples, columns), all finite, as float64.
-
-    Raises InvalidInputError like `check_vector` and `check_samples`.
-    """
-    array, entries = _numbers(field, value)
-    check = check_samples if array.ndim == 2 else check_vector
-    return check(field, entries, columns, names)
-
-
 def check_tensor(field: str, value: npt.ArrayLike, largest: float = np.inf) -> FloatArray:
     """
     Return `value` as a float64 tensor, shape (3, 3), all finite and at most `largest` in size.

@@ -80,13 +80,15 @@ def _at_joints(output: ControlOutput, command: FloatArray) -> FloatArray:
 
 
 def _share(causes: list[Cause]) -> float:
-    """Return the share of the effort that holds a joint, 0 if its drive may turn it to a motor."""
-    scale = causes[0].value if causes[0].name == SCALE else 0.0
-    if scale > 1.0:
-        return 1.0 / scale
-    is_motor = any(one.name in (REVERSED, GRAVITY) or one.name == SCALE and not (
-        0.0 <= one.value <= 1.0) for one in causes)
-    return 0.0 if is_motor else 1.0
+    """
+    Return the share of the effort that holds a joint, 0 if its drive may turn it to a motor.
+
+    A scale above 1 that may also be added gravity is taken first: what the arm then does tells.
+    """
+    scale = next((one.value for one in causes if one.name == SCALE), 1.0)
+    if scale <= 1.0 and (scale < 0.0 or any(one.name in (REVERSED, GRAVITY) for one in causes)):
+        return 0.0
+    return 1.0 / max(1.0, scale)
 
 
 class DriveCheck:
@@ -159,8 +161,9 @@ class DriveCheck:
         is_new = samples.take(time, state.q, state.v, mean, state.dynamics)
         samples.command(time, effort)
         wrong = self.wrong
-        if not is_new or not self._is_commanded or not self._is_suspicious(*samples.last) or (
-                wrong is not None and wrong.cause.name != SCALE):
+        if not is_new or not self._is_commanded or not (
+                self._is_suspicious(*samples.last) if wrong is None else (
+                    wrong.cause.name in (SCALE, GRAVITY))):
             return None
         is_start = self._is_start(time)
         if not is_start and samples.count % LATER or not (
@@ -171,8 +174,9 @@ class DriveCheck:
             comparison = self._compare(window, is_start, 0)
         except np.linalg.LinAlgError:  # an error of the check must not stop the control path
             return None
-        found = candidates(comparison, None if wrong is None else wrong.cause.joint)
-        if not found or wrong is not None and found[0].is_bound:
+        found = candidates(comparison)
+        if not found or wrong is not None and (
+                found[0].is_bound or found[0].name not in (SCALE, GRAVITY)):
             return None
         verdicts = causes_verdicts(comparison, found)
         self._found = dict(verdicts)
@@ -182,12 +186,15 @@ class DriveCheck:
     def _fault(
         self, found: Comparison, causes: list[Cause], verdicts: dict[int, Verdict],
     ) -> Fault:
-        worst = next(iter(verdicts))
+        best, worst = causes[0], next(iter(verdicts))
         name, verdict = self._controller.arm.joint_names[worst], verdicts[worst]
+        shares = {j: _share([found.at_joint(cause, j) for cause in causes]) for j in verdicts}
+        if best.name == SCALE and shares[worst] < 1.0:  # a unit, perhaps of all commands
+            shares = {j: 1.0 / max(1.0, found.at_joint(best, j).value)
+                      for j in range(self._n)} | shares
         return Fault(
             'wrong_drive', f'{name!r}: {verdict.verdict}; {verdict.sentence}', latched=True,
-            shares=tuple((j, _share([found.at_joint(cause, j) for cause in causes]))
-                         for j in verdicts))
+            shares=tuple(shares.items()))
 
     def _is_suspicious(self, u: FloatArray, y: FloatArray, a: FloatArray) -> bool:
         """Return whether a sample needs more torque y than that of a right drive."""

@@ -29,7 +29,7 @@ from robot_dynamics.joints.stiction import choose_modes, constrained_motion
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.external_wrench import Wrenches
 from robot_dynamics.model.unchecked_rigid_body import singular_mass_matrix, UncheckedRigidBody
-from robot_dynamics.validation import check_samples, check_states, check_vector
+from robot_dynamics.validation import check_samples, check_vector
 
 
 class EffortTerms(NamedTuple):
@@ -265,19 +265,6 @@ class ArmDynamics:
         """Return the terms of `inverse_dynamics`, each (n,) [N·m] or [N], and the energies [J]."""
         return self.unchecked.terms(**self._vectors(q=q, v=v, a=a), wrenches=wrenches)
 
-    def friction_effort(
-        self, v: npt.ArrayLike, load: npt.ArrayLike, smooth: bool = False,
-    ) -> FloatArray:
-        """
-        Return the friction at the velocity v, [N·m] or [N].
-
-        v and `load`, the effort of the rigid bodies M a + C v + g − Jᵀ f, are both (n,) or both
-        (samples, n). With `smooth`, dry friction is a sigmoid of the velocity around rest.
-        """
-        friction = self.arm.friction
-        return (friction.smooth_effort if smooth else friction.effort)(
-            **self._states(v=v, load=load))
-
     def friction_along(
         self, q: npt.ArrayLike, v: npt.ArrayLike, load: npt.ArrayLike,
     ) -> FloatArray:
@@ -306,7 +293,6 @@ class ArmDynamics:
 
     _vectors = partialmethod(_checked, check_vector)
     _samples = partialmethod(_checked, check_samples)
-    _states = partialmethod(_checked, check_states)
 
 
 class RigidBody(ArmDynamics):

@@ -113,11 +113,16 @@ class Fits(NamedTuple):
 
 
 class Joints(NamedTuple):
-    """Effort limit, and the priors (mean, deviation) of what the model lacks, each (n,)."""
+    """
+    Effort limit, and the priors (mean, deviation) of what the model lacks, each (n,).
+
+    `tip` is the mass [kg] of the last link with its tool.
+    """
 
     limit: FloatArray
     friction: tuple[FloatArray, FloatArray]
     rotor: tuple[FloatArray, FloatArray]
+    tip: float
 
     @classmethod
     def of_arm(cls, arm: ArmModel, without: float) -> 'Joints':
@@ -129,7 +134,8 @@ class Joints(NamedTuple):
         return cls(
             limit, (np.maximum(FRICTION[0] * limit, dry),
                     np.maximum(FRICTION[1] * limit, KNOWN_FRICTION * dry)),
-            (np.where(is_known, 0.0, ROTOR[0] * limit), ROTOR[1] * limit))
+            (np.where(is_known, 0.0, ROTOR[0] * limit), ROTOR[1] * limit),
+            arm.pinocchio_model.inertias[arm.joint_count].mass)
 
     @property
     def visible(self) -> FloatArray:
@@ -293,13 +299,15 @@ class DriveModel:
         """
         Return the cause of a load; `columns` (k, n, 4) are torques per m and m c.
 
-        A negative mass is that of a tool that the model has and the arm has not, which is rarer.
+        A negative mass is that of a tool that the model has and the arm has not, which is rarer;
+        it is at most that of the last link.
         """
         reach = np.array((1.0, *3 * (LOAD_REACH,)))
         lever = (np.abs(columns) * reach / self.joints.limit[:, np.newaxis]).max(initial=1e-9)
         heaviest = LOAD / lever
         evidence, (mass, *_) = self.common(-columns, heaviest * reach)
-        return Cause(LOADED, ALL, evidence + (LOAD_ODDS if mass > -0.5 * heaviest else 0.0))
+        odds = LOAD_ODDS if mass > -0.5 * heaviest else 0.0 if mass > -self.joints.tip else -np.inf
+        return Cause(LOADED, ALL, evidence + odds)
 
     def common(self, columns: FloatArray, spread: FloatArray) -> tuple[float, FloatArray]:
         """

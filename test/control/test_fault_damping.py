@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from robot_dynamics.control.safety.ending import Ending
 from robot_dynamics.control.safety.faults import Fault
+from robot_dynamics.control.safety.undamped_joints import UndampedJoints
 
 Q = [-1.308, 4.685, 2.899, 1.793, 3.163, -0.263]
 V = [-0.09, 0.16, 0.164, 0.164, 0.218, -0.218]
@@ -25,3 +26,16 @@ def test_late_gravity_does_not_drive_a_light_wrist(command, rate, delay):
     one.loop.end(one.now, Ending.by(Fault('test', '', latched=True)))
     trace = one.run(0.6)
     assert (np.abs(trace.v) <= 1.2 * arm.limits.velocity).all()
+
+
+@pytest.mark.parametrize(('limit', 'faster', 'effort', 'is_released'), [
+    (2.9, 0.06, -1.0, True), (2.9, 0.04, -1.0, False), (2.9, 0.06, 1.0, False),
+    (3.1, 0.06, -1.0, False)])
+def test_a_joint_is_released_that_becomes_faster_by_0_05_rad_s_in_24_ms_against_its_effort(
+        limit, faster, effort, is_released):
+    """A joint above its velocity limit; its speed is 3 rad/s."""
+    one = UndampedJoints(1)
+    found = [one.take(0.004 * k, np.array([3.0 + faster * k / 6.0]), np.array([effort]),
+                      np.array([limit])) for k in range(7)]
+    assert found[:6] == 6 * [-1]
+    assert (found[6] == 0) == is_released

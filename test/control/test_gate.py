@@ -296,6 +296,23 @@ def test_the_steps_of_an_encoder_are_no_loss(speed, rate):
         assert signals.q[0] == pytest.approx(x, abs=1.5 * step)
 
 
+@pytest.mark.parametrize(('steps', 'is_missing'), [(2, False), (3, True)])
+def test_a_joint_that_repeats_after_steps_of_three_increments_is_missing(steps, is_missing):
+    one, v = Fed(500.0), np.array([steps * 0.5, 0.7])
+    for k in (0, 1, *(1 + steps * i for i in range(1, 30))):
+        x = 1e-3 * k
+        one.signals(np.array([x, 0.7 * one.t]), v)
+    assert (one.signals(np.array([x, 0.7 * one.t]), v).q[0] > x) == is_missing
+
+
+@pytest.mark.parametrize(('speed', 'is_missing'), [(0.08, False), (0.14, True)])
+def test_a_velocity_of_0_is_missing_above_0_1_rad_s(speed, is_missing):
+    one, v = Fed(500.0), np.array([0.5, speed])
+    while one.t < 1.0:
+        one.signals(one.t * v, v)
+    assert one.signals(one.t * v, np.array([0.5, 0.0])).v[1] == (speed if is_missing else 0.0)
+
+
 @FEW
 @given(rate=rates, speed=st.floats(0.02, 0.09), sign=signs, offset=st.just(0.0) | st.just(0.04))
 def test_a_slow_joint_that_repeats_its_velocity_is_lost_once_it_should_have_moved_3_mrad(

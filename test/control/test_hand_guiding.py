@@ -208,6 +208,22 @@ def test_a_hand_at_a_constant_speed_feels_no_brake():
     assert np.mean(pushes[-300:]) == pytest.approx(0.24, abs=0.01)
 
 
+@pytest.mark.parametrize('ratio', [0.6, 1.4])
+def test_an_arm_that_is_released_at_1_rad_s_stops_in_0_6_s(ratio):
+    one = BristledArm(
+        smooth_arm('panda'), Case('panda', 500, 2, 1e-3, ratio), command='hand_guiding')
+    body, way = ArmDynamics(one.arm), np.eye(7)[0]
+    one.push = lambda t: np.asarray(body.mass_matrix(one.q) @ (40.0 * (way - one.v)))
+    one.run(1.0)
+    one.push = lambda t: 0.0
+    one.run(0.25)
+    assert one.v[0] > 0.5
+    one.run(0.25)
+    assert one.v[0] > 0.1
+    one.run(0.15)
+    assert np.abs(one.v).max() < 0.01
+
+
 DT = 0.002
 
 

@@ -75,9 +75,8 @@ def test_computed_torque_has_it(mode):
     output = update(controller, 2_000_000_000, q, v)
     terms = output.terms
     load = terms.inertial + terms.coriolis + terms.gravity
-    dynamics = ArmDynamics(arm)
     if mode == 'measured':
-        expected = dynamics.friction_effort(v, load)
+        expected = arm.friction.effort(v, load)
     else:
         gains = make_gains(NAMES)
         reference = output.reference
@@ -120,7 +119,7 @@ def test_friction_along_a_motion_is_that_of_single_states_far_from_its_turns():
     q, v = turning_motion()
     dynamics = ArmDynamics(arm_with_gears())
     load = np.full_like(q, 3.0)
-    along, single = dynamics.friction_along(q, v, load), dynamics.friction_effort(v, load)
+    along, single = dynamics.friction_along(q, v, load), dynamics.arm.friction.effort(v, load)
     slides = np.abs(presliding_state(q, v, np.array([0.01, 0.01]))[:, 0]) == 1.0
     sliding = slides & (np.abs(v[:, 0]) > 0.005)  # at the reversal both signs are valid
     assert 0.5 < sliding.mean() < 1.0

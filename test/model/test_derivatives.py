@@ -61,7 +61,7 @@ def smooth_effort(arm: ArmModel, wrenches: list[ExternalWrench]) -> Callable[...
 
     def effort(q: Array, v: Array, a: Array) -> Array:
         load = dynamics.rigid_body.inverse_dynamics(q, v, a, wrenches)
-        return load + dynamics.friction_effort(v, load, smooth=True)
+        return load + arm.friction.smooth_effort(v, load)
 
     return effort
 

@@ -76,9 +76,6 @@ def test_lists_tuples_and_arrays_give_the_same_bits_as_the_unchecked_method(kind
     assert in_bytes(call(**{f: x.tolist() for f, x in arrays.items()})) == expected
     assert in_bytes(call(**{f: x.astype(np.float32) for f, x in arrays.items()})) == expected
     unchecked = kind(ARM).unchecked
-    if method == 'friction_effort':
-        assert in_bytes(unchecked.friction.effort(**arrays)) == expected
-        return
     unchecked = unchecked if hasattr(unchecked, method) else unchecked.rigid_body
     wrenches = {'wrenches': WRENCHES} if (
         'wrenches' in inspect.signature(getattr(kind, method)).parameters) else {}
@@ -161,14 +158,6 @@ def test_a_state_needs_a_value_per_joint_and_a_mass_is_a_number():
             make_friction(_BARE.joint_names, bad)
     with pytest.raises(InvalidInputError, match=r'initial_position has an array of shape \(\)'):
         ArmSimulation(_BARE, 0.5)
-
-
-def test_friction_is_of_one_state_or_of_many():
-    dynamics, v, load = ArmDynamics(ARM), ((1, -2), (0, 3)), ((4, 5), (-6, 7))
-    assert dynamics.friction_effort(v, load).tolist() == [
-        dynamics.friction_effort(*state).tolist() for state in zip(v, load)]
-    with pytest.raises(InvalidInputError, match=r'load has the shape \(2,\), expected \(2, 2\)'):
-        dynamics.friction_effort(v, load[0])
 
 
 def test_a_wrench_is_checked_where_it_is_made():

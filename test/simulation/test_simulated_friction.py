@@ -174,7 +174,7 @@ def test_a_robot_that_compensates_friction_compensates_that_of_its_gears():
     q, v, effort = np.array([0.4, -0.3]), np.array([0.2, -0.1]), np.array([30.0, 4.0])
     added = robot.with_own_compensation(effort, q, v) - effort
     assert added == pytest.approx(
-        ArmDynamics(arm).friction_effort(v, effort, smooth=True), rel=1e-12)
+        arm.friction.smooth_effort(v, effort), rel=1e-12)
 
 
 def test_teeth_that_do_not_touch_bear_no_load():

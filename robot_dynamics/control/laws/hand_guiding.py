@@ -18,8 +18,8 @@ one is at least the share λ, and u = τ − g, a person supplies at least
 
     P = d(½ q̇ᵀ M' q̇)/dt + σ (λ P_f − uᵀ q̇),  M' = M + usual rotors
 
-P fills a tank of CAPACITY P_f to the share s. If it is not full, the speed x = √(q̇ᵀ M' q̇) is at
-most w, which falls from its value at the last full tank to 0 in STOPPING. Of the excess
+P fills a tank of STOPPING P_f / 20 to the share s. If it is not full, the speed x = √(q̇ᵀ M' q̇) is
+at most w, which falls from its value at the last full tank to 0 in STOPPING. Of the excess
 
     δ = (1 − s) (1 − w/x),  >= 0,
 
@@ -76,10 +76,8 @@ DEVIATIONS = 2.0
 """Standard deviations by which the force of a follower is reduced: they may be none."""
 INERTIA = 0.6
 """σ: M' by the true one, at least. A hand that slows the arm feels at most M' q̈ (1/σ − 1)."""
-CAPACITY = 0.03
-"""[s]: the tank of an arm with the least true friction is empty 18 times this after a release."""
 STOPPING = 0.6
-"""[s]: with the time in which the tank empties, a released arm stands within 1 s."""
+"""[s] in which a released arm stops; with the least true friction, its tank is empty after it."""
 FULL_SPEED = 0.05
 """v_d [rad/s] or [m/s], above which the compensation is complete."""
 MASS_ERROR, LEAST_SHARE = 0.07, LARGEST_SHARE * FRICTION_SHARE
@@ -227,7 +225,7 @@ class HandGuiding(ControlLaw):
             return 0.0
         supplied = energy - last + INERTIA * dt * (
             LARGEST_SHARE * known - float(self._added @ v))
-        self._tank = min(max(self._tank + supplied / (CAPACITY * known), 0.0), 1.0)
+        self._tank = min(max(self._tank + supplied / (0.05 * STOPPING * known), 0.0), 1.0)
         x = math.sqrt(2.0 * energy)
         if self._tank == 1.0:
             self._allowed_speed, self._slowing = x, x / STOPPING

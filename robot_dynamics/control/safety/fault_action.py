@@ -60,7 +60,7 @@ class FaultAction:
         before = self._share.copy()
         for j, share in fault.shares:
             if share > 0.0:
-                self._share[j] = share
+                self._share[j] = min(share, self._share[j])
             else:
                 self.undamped.released[j] = True
         if self._limiter.last is not None:

