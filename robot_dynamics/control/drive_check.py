@@ -163,7 +163,7 @@ class DriveCheck:
         wrong = self.wrong
         if not is_new or not self._is_commanded or not (
                 self._is_suspicious(*samples.last) if wrong is None else (
-                    wrong.cause.name in (SCALE, GRAVITY))):
+                    wrong.cause.name in (SCALE, GRAVITY) and time <= wrong.time + NAMING)):
             return None
         is_start = self._is_start(time)
         if not is_start and samples.count % LATER or not (
