@@ -213,16 +213,16 @@ class Probes:
         """
         Move the reference of joint j from `start` (n,) by steps, at first `first`, until it moves.
 
-        Return torque, g(q) and reported effort of the joint in the last step, and how far it is
-        from its start.
+        Return torque, g(q) and reported effort of the joint, and how far it is from its start. If
+        it has moved they are work by way, in which no torque counts while the joint sticks.
         """
         watch, limits, name = self._watch, self._arm.limits, self._arm.joint_names[j]
         began, goal = watch.measured()[j], start.copy()
+        self._torque.clear()
         effort = abs(step) * self._stiffness.get(name, np.inf)  # per step
         most = min(REACH, math.ceil(FRICTION * limits.effort[j] / max(effort, 1e-9)))
         for k in range(first, max(first, most) + 1):
             goal[j] = np.clip(start[j] + k * step, limits.lower[j], limits.upper[j])
-            self._torque.clear()
             watch.wait_taken(goal.tolist(), partial(publish, goal.tolist(), MOVE_TIME))
             watch.wait_end(goal.tolist(), lambda _: None)
             watch.wait_rest()
@@ -230,21 +230,23 @@ class Probes:
                 break
         if not self._torque:
             raise NoAnswerError(f'no message on {NODE}/computed_torque during the motion')
-        return np.mean(self._torque, axis=0)[:, j], abs(watch.measured()[j] - start[j])
+        along = np.array(self._torque)[..., j]
+        passed, values = np.diff(along[:, 3]), 0.5 * (along[1:, :3] + along[:-1, :3])
+        is_moved = abs(passed.sum()) > 0.25 * abs(step)
+        mean = passed @ values / passed.sum() if is_moved else values[-10:].mean(axis=0)
+        return mean, abs(watch.measured()[j] - start[j])
 
     def _on_state(self, message: JointState) -> None:
         self._effort = dict(zip(message.name, message.effort))
 
     def _on_torque(self, message: JointState) -> None:
-        """Take the torque, g(q) and the reported effort while the reference moves."""
-        watch = self._watch
-        if watch.reference is not None and len(watch.position) == self._arm.joint_count and any(
-                watch.reference[2]):
-            q = np.array(watch.measured())
+        """Take the torque, g(q), the reported effort and q."""
+        if len(self._watch.position) == self._arm.joint_count:
+            q = np.array(self._watch.measured())
             reported = [self._effort.get(name, np.nan) for name in self._arm.joint_names]
             self._torque.append(np.array([
                 message.effort, self._body.gravity(q),
-                self._arm.given_report.torque(np.array(reported))]))
+                self._arm.given_report.torque(np.array(reported)), q]))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
