@@ -18,7 +18,7 @@ from robot_dynamics.dependencies import optional
 from robot_dynamics.planar.chain import NewtonEulerPass
 from robot_dynamics_tools.animation import chain_stage
 from robot_dynamics_tools.animation.arm_motion import ArmMotion
-from robot_dynamics_tools.animation.panels import EffortPanel, EnergyPanel
+from robot_dynamics_tools.animation.panels import effort_bars, energy_bars
 from robot_dynamics_tools.animation.video import Frame, Pixels
 from robot_dynamics_tools.pictures.planar_view import PlanarView
 from robot_dynamics_tools.reporting.figures import GREY, styled_figure
@@ -99,10 +99,9 @@ class _Animation:
             figure.add_axes((left, (height - 0.45 - row_height * (row + 1) + 0.36) / height,
                              width, (row_height - 0.62) / height))
             for row in range(n + 1)]
-        self._panels: list[EnergyPanel | EffortPanel] = [
-            EnergyPanel(panels[0], self._motion),
-            *(EffortPanel(axes, self._motion, joint)
-              for axes, joint in zip(panels[1:], self._joints))]
+        self._panels = [energy_bars(panels[0], self._motion), *(
+            effort_bars(axes, self._motion, joint)
+            for axes, joint in zip(panels[1:], self._joints))]
 
     def _begin(
         self, k: int, headline: str, caption: str, scales: chain_stage.StageScales,

@@ -97,16 +97,16 @@ class ChainStage:
         """Draw all links, or one of them dark and the others pale."""
         points = np.vstack([at.joint_position, at.tip_position])
         for i, (start, end) in enumerate(zip(points[:-1], points[1:])):
-            pale = current is not None and i != current
-            self._line([start, end], PALE_LINK if pale else LINK, 7.0, 3)
-            self._dot(at.com_position[i], 6.0, 'white', PALE_LINK if pale else BLACK, 6, '+')
-        for joint in points[:-1]:
-            self._dot(joint, 8.0, 'white', LINK, 5, 'o')
-        self._dot(points[0], 13.0, 'none', LINK, 4, 's')
+            link, com = (LINK, BLACK) if current in (None, i) else (PALE_LINK, PALE_LINK)
+            self._plot([start, end], color=link, linewidth=7.0, zorder=3)
+            self._plot([at.com_position[i]], color=com, marker='+', zorder=6)
+        joints = {'linestyle': 'none', 'color': LINK}
+        self._plot(points[:-1], marker='o', markersize=8.0, mfc='white', zorder=5, **joints)
+        self._plot(points[:1], marker='s', markersize=13.0, mfc='none', zorder=4, **joints)
 
     def draw_trail(self, tips: FloatArray) -> None:
         """Draw the previous positions of the tip, (k, 2) [m]."""
-        self._line(tips, TRAIL, 1.2, 2)
+        self._plot(tips, color=TRAIL, linewidth=1.2, zorder=2)
 
     # ------------------------------------------------------------------ what acts
 
@@ -162,18 +162,10 @@ class ChainStage:
 
     # ------------------------------------------------------------------ strokes
 
-    def _line(self, points: Any, colour: str, width: float, layer: int) -> None:
-        points = np.asarray(points)
+    def _plot(self, points: FloatArray | list[FloatArray], **style: Any) -> None:
+        """Draw lines or markers at points (k, 2)."""
         self._drawn += self._axes.plot(
-            points[:, 0], points[:, 1], color=colour, linewidth=width, zorder=layer,
-            solid_capstyle='round')
-
-    def _dot(
-        self, at: FloatArray, size: float, face: str, edge: str, layer: int, marker: str,
-    ) -> None:
-        self._drawn += self._axes.plot(
-            *at, marker=marker, markersize=size, markerfacecolor=face, markeredgecolor=edge,
-            markeredgewidth=1.4, zorder=layer)
+            *np.transpose(points), solid_capstyle='round', markeredgewidth=1.4, **style)
 
     def _along(self, points: FloatArray, length: float, colour: str, pale: bool) -> None:
         """Draw an arrow of a length [m] along points (k, 2)."""

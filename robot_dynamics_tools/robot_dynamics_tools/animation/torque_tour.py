@@ -19,7 +19,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics_tools.animation.chain_animation import pixels
 from robot_dynamics_tools.animation.video import Frame
-from robot_dynamics_tools.pictures.stick_figure import side_view, StickFigure, tool_link
+from robot_dynamics_tools.pictures.stick_figure import side_lines
 from robot_dynamics_tools.pictures.torque_grid import PositionGrid, rigid_body_efforts
 from robot_dynamics_tools.pictures.torque_map import label_axes
 from robot_dynamics_tools.reporting import figures
@@ -76,9 +76,7 @@ def _motion(arm: ArmModel, grid: PositionGrid) -> _Motion:
         q[:, joint] = values.mean() + reach * np.sin(rate * s)
         v[:, joint] = reach * w * np.cos(rate * s)
         a[:, joint] = -reach * w**2 * np.sin(rate * s)
-    line = StickFigure(arm, tool_link(arm))
-    points = np.array([line.points(one) for one in q])
-    return _Motion(q, v, a, (points - points[:, :1]) @ side_view(arm, points).T)
+    return _Motion(q, v, a, side_lines(arm, q))
 
 
 def _arm(axes: Any, motion: _Motion) -> Callable[[int], None]:

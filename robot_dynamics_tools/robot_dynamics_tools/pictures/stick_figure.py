@@ -51,6 +51,13 @@ class StickFigure:
         return points
 
 
+def side_lines(arm: ArmModel, q: FloatArray) -> FloatArray:
+    """Return the lines (m, k, 2) [m] of an arm at q (m, n), from joint 1, as `side_view` sees."""
+    figure = StickFigure(arm, tool_link(arm))
+    lines = np.array([figure.points(one) for one in q])
+    return np.asarray((lines - lines[:, :1]) @ side_view(arm, lines).T)
+
+
 def side_view(arm: ArmModel, points: FloatArray) -> FloatArray:
     """
     Return the axes (2, 3), to the side and up, of the view in which points (..., 3) spread most.

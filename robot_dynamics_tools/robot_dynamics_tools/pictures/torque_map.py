@@ -12,7 +12,7 @@ from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics_tools.pictures.planar_view import PlanarView
-from robot_dynamics_tools.pictures.stick_figure import side_view, StickFigure, tool_link
+from robot_dynamics_tools.pictures.stick_figure import side_lines
 from robot_dynamics_tools.pictures.torque_grid import PositionGrid
 from robot_dynamics_tools.reporting import figures
 
@@ -142,21 +142,15 @@ def _draw_poses(axes: Any, arm: ArmModel, grid: PositionGrid, poses: FloatArray)
     """Draw the arm at points of the grid: its base is at the point, up is up."""
     if not len(poses):
         return
-    figure = StickFigure(arm, tool_link(arm))
-    base = grid.positions[0, 0]
-    lines = []
-    for pose in poses:
-        q = base.copy()
-        q[list(grid.joints)] = pose
-        lines.append(figure.points(q))
-    view = side_view(arm, np.array(lines))
-    flat = [(points - points[0]) @ view.T for points in lines]
-    reach = max(float(np.linalg.norm(points, axis=1).max()) for points in flat)
+    q = np.tile(grid.positions[0, 0], (len(poses), 1))
+    q[:, grid.joints] = poses
+    lines = side_lines(arm, q)
+    reach = float(np.linalg.norm(lines, axis=2).max())
     if reach == 0.0:
         return
     each = 0.5 * _POSE_SIZE / max(round(len(poses) ** 0.5), POSES - 1)
     scale = each / reach * np.array([np.ptp(grid.x), np.ptp(grid.y)])
-    for pose, points in zip(poses, flat):
+    for pose, points in zip(poses, lines):
         figures.draw_arm(axes, pose + scale * points)
         axes.plot(*pose, 's', color=figures.BLACK, markerfacecolor='white', markersize=5.0)
 
