@@ -29,7 +29,6 @@ from robot_dynamics_tools.monitor.followed_dynamics import FollowedDynamics
 from robot_dynamics_tools.monitor.followed_model import Followed, FollowedModel, NAMES
 from robot_dynamics_tools.monitor.markers import LiveMarkers
 from robot_dynamics_tools.monitor.parameters import full_name, SPECS
-from robot_dynamics_tools.monitor.payload_request import PayloadRequest
 from robot_dynamics_tools.monitor.states import StateInput
 
 NODE = 'dynamics_monitor'
@@ -69,9 +68,8 @@ class DynamicsMonitor(GuardedCallbacks):
         dynamics = full_name(self._settings.values['dynamics'], self.get_namespace())
         self._markers = LiveMarkers(self)
         self._estimates = LiveEstimates(self, lambda: self._markers.is_on)
-        self._samples = payload_estimation.PayloadSamples()
-        self._estimation = payload_estimation.PayloadEstimation(self, self._samples)
-        self._request = PayloadRequest(self, dynamics)
+        self._estimation = payload_estimation.PayloadEstimation(self)
+        self._request = payload_estimation.PayloadRequest(self, dynamics)
         self.create_service(EstimatePayload, '~/estimate_payload', self._estimate_payload)
         self._models = FollowedModel(self, self._use, lambda: self._settings.values)
         self._dynamics = FollowedDynamics(
@@ -94,7 +92,8 @@ class DynamicsMonitor(GuardedCallbacks):
     def _apply(self, values: Values) -> None:
         with self._lock:
             if self._estimates.estimates is not None:
-                self._estimates.estimates.residual.set_bandwidth(values['residual_bandwidth'])
+                self._estimates.estimates.residual.low_pass.set_cutoff(
+                    values['residual_bandwidth'])
 
     # ------------------------------------------------------------------ model and states
 
@@ -125,7 +124,7 @@ class DynamicsMonitor(GuardedCallbacks):
             states, estimates, wanted = self._states, self._estimates, self._estimates.wanted
             if states is None:
                 return
-            if not (any(wanted) or self._samples.is_on):
+            if not (any(wanted) or self._estimation.is_on):
                 states.rest()
                 estimates.rest()
                 return
@@ -133,7 +132,7 @@ class DynamicsMonitor(GuardedCallbacks):
             if state is None:
                 return
             estimates.update(state, wanted)
-            self._samples.take(state)
+            self._estimation.keep(state)
             if self._markers.is_on:
                 self._markers.update(state, estimates.external_effort, estimates.wrench.newest)
 

@@ -172,7 +172,7 @@ def worst_words(message: DiagnosticArray) -> list[str]:
         for status in message.status if status.level != DiagnosticStatus.OK]
 
 
-def drive_words(message: DiagnosticArray) -> str:
-    """Return a line for the drive check if it is OK, else an empty one."""
-    return next((f'drive: {status.message}' for status in message.status
-                 if status.level == DiagnosticStatus.OK and status.name.endswith(': drive')), '')
+def drive_words(message: DiagnosticArray) -> list[str]:
+    """Return a line for the drive check if it is OK."""
+    return [f'drive: {status.message}' for status in message.status
+            if status.level == DiagnosticStatus.OK and status.name.endswith(': drive')]
