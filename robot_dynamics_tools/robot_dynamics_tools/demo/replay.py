@@ -11,7 +11,7 @@ from rclpy.qos import QoSProfile
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
-from robot_dynamics_tools.demo.session import DESCRIPTION, recording_session, Session
+from robot_dynamics_tools.demo.session import DESCRIPTION, Session
 from robot_dynamics_tools.processes import DYNAMICS, NodeError
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.messages import joint_state_messages
@@ -66,8 +66,7 @@ def play_recording(
     stamps, played, resent = series.stamps_ns.tolist(), 0, 0
     messages = joint_state_messages(
         series.stamps_ns, series.joint_names, series.position, series.velocity, series.effort)
-    with recording_session(
-            directory, urdf, time_ns=lambda: int(stamps[max(played - 1, 0)])) as session:
+    with Session(directory, urdf, time_ns=lambda: int(stamps[max(played - 1, 0)])) as session:
         session.processes.start('dynamics', DYNAMICS, {
             'robot_description_file': str((directory / DESCRIPTION).resolve()),
             'joints': joints,

@@ -33,7 +33,7 @@ from sensor_msgs.msg import JointState
 
 LONGEST_STEP = 0.1
 """[s] between two states after which the estimators reset: the motion between is unknown."""
-NO_SUBSCRIBERS = 'no subscribers'
+RESTING, MADE = (OK, 'no subscribers'), (OK, 'made')
 
 
 class Estimates:
@@ -114,8 +114,7 @@ class LiveEstimates:
         self.wrench, self.contacts = LiveWrench(node, is_external_wanted), LiveContacts(node)
         self.estimates: Estimates | None = None
         """The estimators in use, None without a model."""
-        self._is_on = self._is_lacking = False
-        self._message = NO_SUBSCRIBERS
+        self._condition = RESTING
         self._stamp = 0
         self.external_effort: FloatArray | None = None
         """External effort of the newest state (n,), None if it is not estimated."""
@@ -138,7 +137,7 @@ class LiveEstimates:
 
     def rest(self) -> None:
         """Estimate nothing, and reset at the next state."""
-        self._is_on, self._is_lacking, self._message = False, False, NO_SUBSCRIBERS
+        self._condition = RESTING
         self.external_effort = self.wrench.newest = None
 
     def update(self, state: MeasuredState, wanted: tuple[bool, bool]) -> None:
@@ -180,17 +179,17 @@ class LiveEstimates:
         dt = 1e-9 * (state.stamp_ns - self._stamp)
         self._stamp = state.stamp_ns
         reason = state.restart or ('' if 0.0 < dt <= LONGEST_STEP else 'gap')
-        if self._is_on and reason:
+        if self._condition == MADE and reason:
             self._restarts[reason] += 1
-        if reason or not self._is_on:
+        if reason or self._condition != MADE:
             estimates.restart()
-        self._is_on, self._is_lacking, self._message = True, False, 'made'
+        self._condition = MADE
         return dt
 
     def _lack(self, reason: str) -> None:
         """Reset at the next state, and log the reason."""
         self.rest()
-        self._is_lacking, self._message = True, f'none: {reason}'
+        self._condition = WARN, f'none: {reason}'
         self._node.get_logger().warning(
             f'No ~/external_effort, ~/external_wrench and ~/residual: {reason}',
             throttle_duration_sec=LOG_PERIOD)
@@ -198,5 +197,5 @@ class LiveEstimates:
     def status(self) -> Status:
         """Return whether estimates are published, for the diagnostics."""
         restarts = dict(self._restarts)  # an atomic copy, because another thread counts
-        return Status('estimates', WARN if self._is_lacking else OK, self._message, {
+        return Status('estimates', *self._condition, {
             f'reset: {reason}': count for reason, count in sorted(restarts.items())})

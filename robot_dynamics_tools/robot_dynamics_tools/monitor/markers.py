@@ -73,8 +73,8 @@ class LiveMarkers:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._model: Followed | None = None
-        self._marks: tuple[object, ArmMarks] | None = None
-        self._frame = self._link = ''
+        self._marks: ArmMarks | None = None
+        self._frame = ''
         self._seen: _Seen | None = None
         self._command: JointState | None = None
         self._commands: Any = None
@@ -106,7 +106,7 @@ class LiveMarkers:
         """Draw this arm and the pose of a link, None without a model."""
         if model is not None and (self._model is None or self._model.base is not model.base):
             self._frame, self._seen = parse_urdf(model.xml).root_link, None
-        self._model, self._link = model, link
+        self._model, self._marks = model, None if model is None else ArmMarks(model.arm, link)
 
     def update(
         self, state: MeasuredState, external: FloatArray | None, wrench: FloatArray | None,
@@ -115,18 +115,15 @@ class LiveMarkers:
         self._seen = _Seen(state.stamp_ns, state.q, external, wrench)
 
     def _draw(self) -> None:
-        began, model = time.monotonic(), self._model
-        if model is None or began < self._rests_until:
+        began, model, marks = time.monotonic(), self._model, self._marks
+        if model is None or marks is None or began < self._rests_until:
             return
         seen, self._seen = self._seen, None
-        arm = model.arm
-        if seen is None or len(seen.q) != arm.joint_count:  # a state of the previous arm
+        if seen is None or len(seen.q) != model.arm.joint_count:  # a state of the previous arm
             return
-        if self._marks is None or self._marks[0] is not arm:
-            self._marks = arm, ArmMarks(arm, self._link)
         with np.errstate(over='ignore', invalid='ignore'):
             effort = self._effort(model, seen)
-            message = drawn(self._marks[1], arm, seen.q, effort, seen.external, seen.wrench)
+            message = drawn(marks, model.arm, seen.q, effort, seen.external, seen.wrench)
         stamp = stamp_to_ros(seen.stamp_ns)
         for marker in message.markers:
             marker.header.frame_id, marker.header.stamp = self._frame, stamp

@@ -107,9 +107,14 @@ class ArmMarks:
         balls = []
         for load in self._arm.payloads:
             frame = self._arm.pinocchio_model.getFrameId(load.link, pin.FrameType.BODY)
-            radius = (0.75 * load.mass / (math.pi * _PAYLOAD_DENSITY)) ** (1.0 / 3.0)
-            balls.append(Ball(np.array(self._data.oMf[frame].act(load.com)), radius))
+            centre = np.array(self._data.oMf[frame].act(load.com))
+            balls.append(Ball(centre, ball_radius(load.mass)))
         return balls
+
+
+def ball_radius(mass: float) -> float:
+    """Return the radius [m] of the ball that represents a payload [kg]."""
+    return float((0.75 * mass / (math.pi * _PAYLOAD_DENSITY)) ** (1.0 / 3.0))
 
 
 def effort_scale(effort: FloatArray, limit: FloatArray) -> FloatArray:

@@ -8,13 +8,12 @@ One thread does all of this, once per PERIOD. The threads of the page only put r
 queue.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 import math
 from pathlib import Path
 import queue
 import time
-from types import SimpleNamespace
 from typing import Any, TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -24,12 +23,17 @@ from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics_tools.recordings.sample_faults import counted
-from robot_dynamics_tools.viewer.actions import PageActions, Shown
-from robot_dynamics_tools.viewer.node import drive_words, ViewerNode, worst_words
+from robot_dynamics_tools.viewer.actions import ArmPage
+from robot_dynamics_tools.viewer.node import (
+    ArmSource,
+    Description,
+    drive_words,
+    ViewerNode,
+    worst_words,
+)
 from robot_dynamics_tools.viewer.panel import ArmPanel
 from robot_dynamics_tools.viewer.plots import TERMS
 from robot_dynamics_tools.viewer.scene import ArmScene
-from robot_dynamics_tools.viewer.source import ArmSource, Description
 from robot_dynamics_tools.viewer.views import Cameras
 from sensor_msgs.msg import JointState
 
@@ -66,8 +70,7 @@ class Viewer:
         # (SimpleQueue.get would wait indefinitely after a signal at the end of its timeout)
         self._asked: queue.Queue[Callable[[], None]] = queue.Queue()
         self._words = server.gui.add_html(text_box(['Waiting for an arm …']))
-        self._shown: Shown | None = None
-        self._actions: PageActions | None = None
+        self._page: ArmPage | None = None
         self._arm_problem = self._state_problem = ''
         self._q: FloatArray | None = None
         self._v: FloatArray | None = None
@@ -101,9 +104,9 @@ class Viewer:
                 self._arm_problem = str(error)
 
     def close(self) -> None:
-        """End all actions on the arm."""
-        if self._actions is not None:
-            self._actions.close()
+        """End all actions on the arm, and remove it."""
+        if self._page is not None:
+            self._page.close()
 
     # ------------------------------------------------------------------ the arm
 
@@ -116,70 +119,68 @@ class Viewer:
             self._arm_problem = str(error)
             return
         self._arm_problem = ''
-        if self._shown is not None:
-            if (xml, arm.joint_names) == (self._shown.xml, self._shown.arm.joint_names):
-                return
-            self.close()
-            self._shown.scene.close()
-            self._shown.panel.close()
+        if self._page is not None and (
+                (xml, arm.joint_names) == (self._page.xml, self._page.arm.joint_names)):
+            return
+        self.close()
         self._words.content = text_box([f'Drawing {arm.name} …'])
         scene = ArmScene(self._server, arm, xml, directory, self._mesh_paths)
         panel = ArmPanel(self._server.gui, arm, self._asked.put)
-        self._shown, self._q, self._state_problem = Shown(xml, arm, scene, panel), None, ''
-        self._actions = PageActions(self._node, self._shown)
+        self._page = ArmPage(self._node, xml, arm, scene, panel)
+        self._q, self._state_problem = None, ''
         scene.move(np.clip(np.zeros(arm.joint_count), arm.limits.lower, arm.limits.upper))
         self._cameras.restart(scene.extent())
 
     # ------------------------------------------------------------------ what is received
 
-    def _take(self, received: SimpleNamespace) -> None:
-        new = {field: one for field, one in vars(received).items() if one is not None}
+    def _take(self, new: Mapping[str, Any]) -> None:
         self._newest.update(new)
         self._times.update(dict.fromkeys(new, time.monotonic()))
-        if received.description is not None:
-            self._source.take_topic(received.description.data)
+        if 'description' in new:
+            self._source.take_topic(new['description'].data)
         for field, values in self._efforts.items():
             if field in new:
                 values.update(zip(new[field].name, new[field].effort))
             elif self._age(field) > SILENCE:
                 values.clear()
-        if received.trajectory is not None and self._actions is not None:
-            self._actions.receive(received.trajectory)
-        shown = self._shown
-        if shown is None:
+        page = self._page
+        if page is None:
             return
-        if received.state is not None:
-            self._take_state(shown, received.state)
-        if received.markers is not None:
-            self._marks_stamp = max(map(seconds_of, received.markers.markers), default=0.0)
-            shown.scene.mark(received.markers.markers)
+        if 'trajectory' in new:
+            page.receive(new['trajectory'])
+        if 'state' in new:
+            self._take_state(page, new['state'])
+        if 'markers' in new:
+            markers = new['markers'].markers
+            self._marks_stamp = max(map(seconds_of, markers), default=0.0)
+            page.scene.mark(markers)
         elif self._newest_stamp - self._marks_stamp > SILENCE:  # the arm moves on without marks
-            shown.scene.mark(())
-        self._plot(shown, received)
+            page.scene.mark(())
+        self._plot(page, new)
 
     def _age(self, field: str) -> float:
         """Return the time [s] since the newest message of a topic."""
         return time.monotonic() - self._times.get(field, -math.inf)
 
-    def _take_state(self, shown: Shown, state: JointState) -> None:
-        q = values_of(shown.arm, state)
+    def _take_state(self, page: ArmPage, state: JointState) -> None:
+        q = values_of(page.arm, state)
         if q is None:
-            self._state_problem = lacking(shown.arm, state)
+            self._state_problem = lacking(page.arm, state)
             return
         self._q, self._state_problem, self._state_time = q, '', time.monotonic()
-        self._v = values_of(shown.arm, state, 'velocity')
-        shown.scene.move(q)
+        self._v = values_of(page.arm, state, 'velocity')
+        page.scene.move(q)
 
-    def _plot(self, shown: Shown, received: SimpleNamespace) -> None:
-        arm, panel = shown.arm, shown.panel
-        for message in (received.state, received.terms):
+    def _plot(self, page: ArmPage, new: Mapping[str, Any]) -> None:
+        arm, panel = page.arm, page.panel
+        state, terms, reference = map(new.get, ('state', 'terms', 'reference'))
+        for message in (state, terms):
             if message is not None:
                 self._newest_stamp = seconds_of(message)
         name = arm.joint_names[panel.shown_joint]
-        terms, reference, state = received.terms, received.reference, received.state
         if terms is not None and name in terms.joint_names:
             i = list(terms.joint_names).index(name)
-            panel.plot_terms(seconds_of(terms), {term: getattr(terms, term)[i] for term in TERMS})
+            panel.plots[0].add(seconds_of(terms), [getattr(terms, term)[i] for term in TERMS])
         if reference is not None and state is not None and self._q is not None:
             lag = seconds_of(state) - seconds_of(reference)
             wanted = values_of(arm, reference)
@@ -189,7 +190,7 @@ class Viewer:
                 error = float(wanted[i] + lag * speed[i] - self._q[i])
                 if arm.joint_kinds[i] == 'continuous':
                     error = math.remainder(error, 2.0 * math.pi)
-                panel.plot_error(seconds_of(state), error)
+                panel.plots[1].add(seconds_of(state), [1e3 * error])
 
     # ------------------------------------------------------------------ one cycle
 
@@ -198,23 +199,24 @@ class Viewer:
         description = self._source.news()
         if description is not None:
             self._use(description)
-        shown, actions = self._shown, self._actions
-        if shown is None or actions is None:
+        page = self._page
+        if page is None:
             self._say(['no arm yet'])
             return
-        actions.turn(self._q, self._v)
+        page.turn(self._q, self._v)
         if now - self._plot_time < PLOT_PERIOD:
             return
         self._plot_time = now
-        shown.panel.show_plots(self._newest_stamp)
-        shown.panel.show_efforts(self._efforts['command'], self._efforts['state'])
+        for plot in page.panel.plots:
+            plot.show(self._newest_stamp)
+        page.panel.show_efforts(self._efforts['command'], self._efforts['state'])
         if self._q is not None or not self._node.has_states:
-            self._cameras.show(shown.scene.extent())
-        lasts = min(self._age('reference'), now - actions.sent_time) < SILENCE
-        if self._q is not None and not (actions.is_own and lasts) and not actions.is_wished:
-            shown.panel.follow(self._q)
-        joints = counted(shown.arm.joint_count, 'joint')
-        self._say([f'{shown.arm.name}, {joints}'], actions.answer)
+            self._cameras.show(page.scene.extent())
+        lasts = min(self._age('reference'), now - page.sent_time) < SILENCE
+        if self._q is not None and not (page.is_own and lasts) and not page.is_wished:
+            page.panel.follow(self._q)
+        joints = counted(page.arm.joint_count, 'joint')
+        self._say([f'{page.arm.name}, {joints}'], page.answer)
 
     def _say(self, lines: list[str], answer: str = '') -> None:
         node = self._node
@@ -242,8 +244,8 @@ class Viewer:
         if payload is not None and payload.inertia.m > 0.0:
             lines.append(f'payload of the controller: {payload.inertia.m:.3g} kg on '
                          f'{payload.header.frame_id}')
-        if self._shown is not None and self._shown.scene.missing:
-            missing = self._shown.scene.missing
+        missing = [] if self._page is None else self._page.scene.missing
+        if missing:
             count = '1 mesh is' if len(missing) == 1 else f'{len(missing)} meshes are'
             lines.append(f'{count} not drawn; the first one: {missing[0]}')
         lines += [f'⚠ {words}' for words in (
