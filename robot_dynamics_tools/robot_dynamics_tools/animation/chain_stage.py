@@ -9,8 +9,8 @@ arc of a moment τ covers the angle τ / `moment_scale`, in the direction of τ.
 both scales.
 """
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple, TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -38,27 +38,24 @@ _KEY_ROW = 1.27
 """Height of the keys above the joint of the base, as a share of the reach: above the axes."""
 
 
-class StageScales(NamedTuple):
-    """Scales of the arrows: [N/m], [N·m/rad], [m/s² per m], [rad/s per rad]."""
-
-    force: float
-    moment: float
-    acceleration: float
-    rate: float
+Scales = Mapping[str, float]
+"""Scale of a force [N/m], moment [N·m/rad], acceleration [m/s² per m], rate [rad/s per rad]."""
 
 
 def scales_for(
     passes: Sequence[NewtonEulerPass], reach: float, weight: float = 0.0,
-) -> StageScales:
+) -> Scales:
     """Return scales at which the largest arrows of these instants, and a weight [N], fit."""
     def largest(field: str) -> float:
         values = np.array([getattr(one, field) for one in passes])
         sizes = np.linalg.norm(values, axis=-1) if values.ndim == 3 else np.abs(values)
         return max(float(sizes.max()), 1e-9)
 
-    return StageScales(
-        max(largest('force'), weight) / (0.9 * reach), largest('tau') / _ROUNDEST,
-        largest('com_acceleration') / (0.7 * reach), largest('omega') / _ROUNDEST)
+    return {
+        'force': max(largest('force'), weight) / (0.9 * reach),
+        'moment': largest('tau') / _ROUNDEST,
+        'acceleration': largest('com_acceleration') / (0.7 * reach),
+        'rate': largest('omega') / _ROUNDEST}
 
 
 def round_number(value: float) -> float:
@@ -73,7 +70,7 @@ class ChainStage:
     def __init__(self, axes: 'Axes', reach: float, upright: bool) -> None:
         """Set up axes for a chain of this reach [m]; `upright`: it stands upright at zero."""
         self._axes, self._reach = axes, reach
-        self._scales = StageScales(1.0, 1.0, 1.0, 1.0)
+        self._scales: Scales = {}
         self._drawn: list[Any] = []
         half = 1.16 * reach
         axes.set(xlim=(-half, half), ylim=(-half, half), xlabel='x [m]', ylabel='y, up [m]')
@@ -85,7 +82,7 @@ class ChainStage:
             axes.text(0.0, 1.06 * reach, 'q = 0: upright', color=GREY, ha='center', va='bottom',
                       fontsize=9)
 
-    def clear(self, scales: StageScales) -> None:
+    def clear(self, scales: Scales) -> None:
         """Remove all drawings, and draw arrows at these scales from now on."""
         for artist in self._drawn:
             artist.remove()
@@ -115,7 +112,7 @@ class ChainStage:
         pale: bool = False,
     ) -> None:
         """Draw a `force` (2,) [N] or an `acceleration` (2,) [m/s²] of a point (2,) [m]."""
-        way = vector / getattr(self._scales, kind)
+        way = vector / self._scales[kind]
         length, colour = float(np.linalg.norm(way)), colour or COLOURS[kind]
         if length < _TINY * self._reach:
             return
@@ -131,7 +128,7 @@ class ChainStage:
 
         `size` is the radius as a fraction of the reach.
         """
-        angle, radius = value / getattr(self._scales, kind), size * self._reach
+        angle, radius = value / self._scales[kind], size * self._reach
         if abs(angle) < _SMALLEST_ARC:
             return
         beside = np.copysign(np.clip(0.5 * abs(angle), *_LABELS), angle)
@@ -152,7 +149,7 @@ class ChainStage:
         for x, gap, room, (kind, name, unit) in ((-1.16, 0.36, 0.3 * reach, vector),
                                                  (0.0, 0.24, 2.4, turn)):
             at = np.array([x * reach, _KEY_ROW * reach])
-            size = round_number(room * getattr(self._scales, kind))
+            size = round_number(room * self._scales[kind])
             if kind == turn[0]:
                 self.draw_arc(kind, at + np.array([0.1, -0.02]) * reach, size, size=0.08)
             else:

@@ -11,7 +11,7 @@ are those of `effort_command`, or g(q) without a command.
 
 from collections.abc import Iterable, Sequence
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point
@@ -58,15 +58,6 @@ MANIPULABILITY_SCALE = 0.25
 """[s]: length of a half-axis by its velocity."""
 
 
-class _Seen(NamedTuple):
-    """The drawn quantities of a state: the wrench (6,) at the link, all others (n,)."""
-
-    stamp_ns: int
-    q: FloatArray
-    external: FloatArray | None
-    wrench: FloatArray | None
-
-
 class LiveMarkers:
     """Publishes markers; the thread of the states calls `update`, the executor the rest."""
 
@@ -75,7 +66,7 @@ class LiveMarkers:
         self._model: Followed | None = None
         self._marks: ArmMarks | None = None
         self._frame = ''
-        self._seen: _Seen | None = None
+        self._seen: tuple[MeasuredState, FloatArray | None, FloatArray | None] | None = None
         self._command: JointState | None = None
         self._commands: Any = None
         self._rests_until = 0.0
@@ -112,32 +103,33 @@ class LiveMarkers:
         self, state: MeasuredState, external: FloatArray | None, wrench: FloatArray | None,
     ) -> None:
         """Take a state, its external effort (n,) and wrench (6,)."""
-        self._seen = _Seen(state.stamp_ns, state.q, external, wrench)
+        self._seen = state, external, wrench
 
     def _draw(self) -> None:
         began, model, marks = time.monotonic(), self._model, self._marks
         if model is None or marks is None or began < self._rests_until:
             return
         seen, self._seen = self._seen, None
-        if seen is None or len(seen.q) != model.arm.joint_count:  # a state of the previous arm
+        if seen is None or len(seen[0].q) != model.arm.joint_count:  # of the previous arm
             return
+        state, external, wrench = seen
         with np.errstate(over='ignore', invalid='ignore'):
-            effort = self._effort(model, seen)
-            message = drawn(marks, model.arm, seen.q, effort, seen.external, seen.wrench)
-        stamp = stamp_to_ros(seen.stamp_ns)
+            effort = self._effort(model, state)
+            message = drawn(marks, model.arm, state.q, effort, external, wrench)
+        stamp = stamp_to_ros(state.stamp_ns)
         for marker in message.markers:
             marker.header.frame_id, marker.header.stamp = self._frame, stamp
         self._publisher.publish(message)
         self._rests_until = began + (time.monotonic() - began) / TIME_FRACTION
 
-    def _effort(self, model: Followed, seen: _Seen) -> FloatArray:
+    def _effort(self, model: Followed, state: MeasuredState) -> FloatArray:
         """Return the commanded effort (n,) at the joints, g(q) if there is no command."""
         command, arm = self._command, model.arm
         if command is None or abs(
-                seen.stamp_ns - stamp_from_ros(command.header.stamp)) > LARGEST_LAG_NS:
-            return UncheckedArmDynamics(arm).rigid_body.gravity(seen.q)
+                state.stamp_ns - stamp_from_ros(command.header.stamp)) > LARGEST_LAG_NS:
+            return UncheckedArmDynamics(arm).rigid_body.gravity(state.q)
         effort = arm.given_drive.torque(JointStateReader(arm.joint_names).finite_effort(command))
-        return effort + model.robot_gravity(seen.q) if (
+        return effort + model.robot_gravity(state.q) if (
             model.convention.compensates_gravity) else effort
 
 

@@ -8,7 +8,6 @@ They are messages to the nodes.
 """
 
 import time
-from typing import NamedTuple
 
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
@@ -38,12 +37,6 @@ _STOPPING = 4.0
 """The acceleration of a quintic from a velocity v to rest at the same place in T is ≈ 4 v / T."""
 
 
-class _Push(NamedTuple):
-    force: FloatArray
-    link: str
-    until: float
-
-
 class ArmPage:
     """
     An arm on the page, which performs the actions of its panel in each cycle.
@@ -56,7 +49,8 @@ class ArmPage:
     ) -> None:
         self._node, self.xml, self.arm, self.scene, self.panel = node, xml, arm, scene, panel
         self._sender = f'viewer-{id(self):x}'
-        self._push: _Push | None = None
+        self._push: tuple[FloatArray, str, float] | None = None
+        """Force (3,) [N] in the base frame on a link, until a time [s]."""
         self._q: FloatArray | None = None
         self.is_wished = False
         """Whether a slider was moved and the reference for it is not published yet."""
@@ -77,7 +71,11 @@ class ArmPage:
         if self.is_wished and now - self.sent_time >= SEND_PERIOD:
             self._send_reference(q, v)
         if self._push is not None:
-            self._go_on_pushing(self._push, now)
+            force, link, until = self._push
+            if now < until:
+                self._node.push(force_on(link, force, self.scene.rotation(link)))
+            else:
+                self._end_push()
 
     def close(self) -> None:
         """End all actions on the arm, and remove it from the page."""
@@ -87,7 +85,7 @@ class ArmPage:
 
     def _end_push(self) -> None:
         if self._push is not None:
-            self._node.push(force_on(self._push.link, np.zeros(3), np.eye(3)))
+            self._node.push(force_on(self._push[1], np.zeros(3), np.eye(3)))
             self._push = None
 
     # ------------------------------------------------------------------ references
@@ -123,13 +121,7 @@ class ArmPage:
             return
         force, link, seconds = self.panel.push
         self._end_push()
-        self._push = _Push(force, link, time.monotonic() + seconds)
-
-    def _go_on_pushing(self, push: _Push, now: float) -> None:
-        if now >= push.until:
-            self._end_push()
-            return
-        self._node.push(force_on(push.link, push.force, self.scene.rotation(push.link)))
+        self._push = force, link, time.monotonic() + seconds
 
     def _reset(self) -> None:
         self._end_push()

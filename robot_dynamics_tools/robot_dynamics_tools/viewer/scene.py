@@ -10,7 +10,7 @@ is drawn as a bone from joint to joint, so that every arm is visible.
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -41,14 +41,8 @@ _STILL = 1e-6
 
 _Key = tuple[str, int, int]
 """Namespace, number and type of a mark."""
-
-
-class _Part(NamedTuple):
-    """A drawn link: its Pinocchio frame, its scene node, and points (m, 3) around it."""
-
-    frame: int
-    handle: Any
-    corners: FloatArray
+_Part = tuple[int, Any, FloatArray]
+"""A drawn link: its Pinocchio frame, its scene node, and points (m, 3) around it."""
 
 
 class ArmScene:
@@ -82,7 +76,7 @@ class ArmScene:
 
     def close(self) -> None:
         """Remove the arm."""
-        for handle in (self._grid, *(part.handle for part in self._parts), *self._marks.values()):
+        for handle in (self._grid, *(part[1] for part in self._parts), *self._marks.values()):
             handle.remove()
         self._parts, self._marks = [], {}
 
@@ -111,7 +105,8 @@ class ArmScene:
             for frame, _, corners in self._parts)])
 
     def _draw_links(self, xml: str) -> list[_Part]:
-        visuals, bones, parts = read_visuals(xml), read_joint_origins(xml), []
+        parts: list[_Part] = []
+        visuals, bones = read_visuals(xml), read_joint_origins(xml)
         for i, link in enumerate(self._arm.link_names):
             node = f'/arm/{i}'
             handle = self._scene.add_frame(node, show_axes=False)
@@ -122,7 +117,7 @@ class ArmScene:
             if not drawn:
                 drawn = self._draw_bones(node, bones.get(link, []))
             frame = self._arm.pinocchio_model.getFrameId(link, pin.FrameType.BODY)
-            parts.append(_Part(frame, handle, np.vstack([np.zeros(3), *drawn])))
+            parts.append((frame, handle, np.vstack([np.zeros(3), *drawn])))
         return parts
 
     def _draw_visual(self, node: str, visual: Visual) -> FloatArray | None:

@@ -15,7 +15,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_tools.animation.arm_motion import simulate_motion
 from robot_dynamics_tools.animation.chain_animation import _trail, chain_frames
-from robot_dynamics_tools.animation.chain_stage import ChainStage, StageScales
+from robot_dynamics_tools.animation.chain_stage import ChainStage
 from robot_dynamics_tools.animation.panels import effort_bars, energy_bars
 from robot_dynamics_tools.commands import animate
 from robot_dynamics_tools.commands.animate import main
@@ -29,7 +29,7 @@ from robots import robot_path
 
 Image = pytest.importorskip('PIL.Image')
 pytest.importorskip('matplotlib')
-SCALES = StageScales(50.0, 10.0, 10.0, 2.0)
+SCALES = {'force': 50.0, 'moment': 10.0, 'acceleration': 10.0, 'rate': 2.0}
 UR10_PLANE = ['shoulder_lift_joint', 'elbow_joint', 'wrist_1_joint']
 
 
