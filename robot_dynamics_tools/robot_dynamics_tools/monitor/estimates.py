@@ -15,12 +15,13 @@ from collections.abc import Callable
 import numpy as np
 from rclpy.node import Node
 from robot_dynamics.arrays import all_finite, FloatArray
-from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.ros.middleware.cdr_templates import state_template
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error
 from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
 from robot_dynamics.ros.parameters.declared_parameters import Values
 from robot_dynamics_tools.monitor.external import LiveContacts, LiveWrench, Output
@@ -148,10 +149,8 @@ class LiveEstimates:
             return
         try:
             self._take(estimates, wanted, state)
-        except RobotDynamicsError as error:
-            self._lack(str(error))
         except Exception as error:  # no state may end the thread
-            self._lack(repr(error))
+            self._lack(describe_error(error))
 
     def _take(self, estimates: Estimates, wanted: tuple[bool, bool], state: MeasuredState) -> None:
         if state.effort is None:

@@ -25,8 +25,7 @@ from robot_dynamics.validation import check_scalar
 from robot_dynamics_interfaces.srv import EstimatePayload
 from robot_dynamics_tools.monitor import payload_estimation
 from robot_dynamics_tools.monitor.estimates import Estimates, LiveEstimates
-from robot_dynamics_tools.monitor.followed_dynamics import FollowedDynamics
-from robot_dynamics_tools.monitor.followed_model import Followed, FollowedModel, NAMES
+from robot_dynamics_tools.monitor.followed_model import Followed, FollowedModel
 from robot_dynamics_tools.monitor.markers import LiveMarkers
 from robot_dynamics_tools.monitor.parameters import full_name, SPECS
 from robot_dynamics_tools.monitor.states import StateInput
@@ -71,9 +70,8 @@ class DynamicsMonitor(GuardedCallbacks):
         self._estimation = payload_estimation.PayloadEstimation(self)
         self._request = payload_estimation.PayloadRequest(self, dynamics)
         self.create_service(EstimatePayload, '~/estimate_payload', self._estimate_payload)
-        self._models = FollowedModel(self, self._use, lambda: self._settings.values)
-        self._dynamics = FollowedDynamics(
-            self, dynamics, NAMES, self._models.set_model, self._models.set_payloads)
+        self._models = FollowedModel(
+            self, dynamics, self._use, lambda: self._settings.values)
         self._loop = JointStateLoop(self, self._on_state, self._refuse)
         publish_diagnostics(self, self._statuses)
         self.call_when_spun(self._loop.start)
@@ -101,22 +99,20 @@ class DynamicsMonitor(GuardedCallbacks):
         """Use a model from the next state on; raise InvalidInputError if that is not possible."""
         before, estimates, states = self._model, self._estimates.estimates, self._states
         is_same = before is not None and model is not None and before.base is model.base
-        if model is not None and not is_same:
+        if model is None:
+            estimates = states = None
+        elif not is_same:
             estimates = Estimates(model, self._settings.values)
             states = StateInput(model, lambda: self._loop.publisher_count() > 1)
         with self._lock:
-            if model is None:
-                self._estimates.set_estimates(None)
-            elif estimates is not None and states is not None:
-                if is_same:
-                    estimates.set_model(model)
-                    states.set_model(model)
-                else:
-                    self._estimates.set_estimates(estimates)
+            if not is_same:
+                self._estimates.set_estimates(estimates)
+            self._model, self._states = model, states
+            if model is not None and estimates is not None and states is not None:
+                estimates.set_model(model)
+                states.set_model(model)
                 self._estimates.contacts.set_levels(model.values, model.arm)
-            self._model, self._states = model, None if model is None else states
-        link = '' if model is None or estimates is None else estimates.wrench.frame
-        self._markers.set_model(model, link)
+        self._markers.set_model(model, '' if estimates is None else estimates.wrench.frame)
         self._estimation.set_model(model)
 
     def _on_state(self, received: SensedState) -> None:
@@ -169,7 +165,7 @@ class DynamicsMonitor(GuardedCallbacks):
     def _statuses(self) -> list[Status]:
         states = self._states
         return [
-            self._dynamics.status(), *self._models.statuses(), self._estimates.status(),
+            *self._models.statuses(), self._estimates.status(),
             *([] if states is None else [states.status()])]
 
 
