@@ -15,7 +15,6 @@ from robot_dynamics_tools.reporting import figures
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-TERMS = ('inertial', 'coriolis', 'gravity', 'friction', 'residual', 'effort')
 TERM_WORDS = {
     'inertial': 'inertial, M q̈', 'coriolis': 'Coriolis, C q̇', 'gravity': 'gravity, g',
     'friction': 'friction', 'residual': 'not modelled', 'effort': 'sum: the motor, τ'}
@@ -86,7 +85,7 @@ def energy_bars(axes: 'Axes', motion: ArmMotion) -> Bars:
 
 def effort_bars(axes: 'Axes', motion: ArmMotion, joint: int) -> Bars:
     """Return the effort at one joint by term."""
-    names = [name for name in TERMS if name in motion.terms
+    names = [name for name in TERM_WORDS if name in motion.terms
              and (name != 'friction' or motion.terms['friction'].any())]
     words = {**TERM_WORDS, **({'effort': 'sum: measured, τ'} if 'residual' in names else {})}
     sizes = {words[name]: motion.terms[name][:, joint] for name in names}

@@ -135,9 +135,8 @@ def rate_lines(report: LoopReport, run: LoopRun) -> list[str]:
 
 def loop_panels(report: LoopReport) -> tuple[Panel, ...]:
     """Return the panels of positions, errors, and the effort by term."""
-    friction = report.arm.friction
     lines = {name: values for name, values in report.terms.items()
-             if name != 'friction' or friction.viscous.any() or friction.coulomb.any()}
+             if name != 'friction' or values.any()}
     return (
         Panel('Position', 'position', report.times,
               {'reference': report.reference, 'measured': report.measured}, ('rad', 'm')),

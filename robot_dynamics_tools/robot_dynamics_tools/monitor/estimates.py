@@ -150,7 +150,11 @@ class LiveEstimates:
         try:
             self._take(estimates, wanted, state)
         except Exception as error:  # no state may end the thread
-            self._lack(describe_error(error))
+            self.rest()
+            self._condition = WARN, f'none: {describe_error(error)}'
+            self._node.get_logger().warning(
+                f'No ~/external_effort, ~/external_wrench and ~/residual: {describe_error(error)}',
+                throttle_duration_sec=LOG_PERIOD)
 
     def _take(self, estimates: Estimates, wanted: tuple[bool, bool], state: MeasuredState) -> None:
         if state.effort is None:
@@ -184,14 +188,6 @@ class LiveEstimates:
             estimates.restart()
         self._condition = MADE
         return dt
-
-    def _lack(self, reason: str) -> None:
-        """Reset at the next state, and log the reason."""
-        self.rest()
-        self._condition = WARN, f'none: {reason}'
-        self._node.get_logger().warning(
-            f'No ~/external_effort, ~/external_wrench and ~/residual: {reason}',
-            throttle_duration_sec=LOG_PERIOD)
 
     def status(self) -> Status:
         """Return whether estimates are published, for the diagnostics."""

@@ -163,8 +163,8 @@ def drawn(
                     points=effort_line(place, fraction, 1.3 * marks.size))
             for i, (place, fraction) in enumerate(zip(places, (external / full).tolist()))]
     markers += [
-        _marker('payload', i, Marker.SPHERE, figures.YELLOW, 3 * (2.0 * ball.radius,), ball.centre)
-        for i, ball in enumerate(marks.payloads())]
+        _marker('payload', i, Marker.SPHERE, figures.YELLOW, 3 * (2.0 * radius,), centre)
+        for i, (centre, radius) in enumerate(marks.payloads())]
     return MarkerArray(markers=markers + _at_link(marks, wrench))
 
 

@@ -38,13 +38,6 @@ class JointPlace(NamedTuple):
     slides: bool
 
 
-class Ball(NamedTuple):
-    """A payload: the ball of its mass about its centre of mass (3,); radius [m]."""
-
-    centre: FloatArray
-    radius: float
-
-
 class ArmMarks:
     """The marks of one arm with its loads. Not for two threads at a time."""
 
@@ -102,13 +95,13 @@ class ArmMarks:
         squares, U = np.linalg.eigh(J @ J.T)
         return np.sqrt(np.maximum(squares, 0.0)), U * [1.0, 1.0, np.linalg.det(U)]
 
-    def payloads(self) -> list[Ball]:
-        """Return the loads."""
+    def payloads(self) -> list[tuple[FloatArray, float]]:
+        """Return the centre of mass (3,) of each load, and the radius [m] of a ball of its mass."""
         balls = []
         for load in self._arm.payloads:
             frame = self._arm.pinocchio_model.getFrameId(load.link, pin.FrameType.BODY)
             centre = np.array(self._data.oMf[frame].act(load.com))
-            balls.append(Ball(centre, ball_radius(load.mass)))
+            balls.append((centre, ball_radius(load.mass)))
         return balls
 
 
