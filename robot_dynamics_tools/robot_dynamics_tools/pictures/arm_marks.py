@@ -96,7 +96,7 @@ class ArmMarks:
         return np.sqrt(np.maximum(squares, 0.0)), U * [1.0, 1.0, np.linalg.det(U)]
 
     def payloads(self) -> list[tuple[FloatArray, float]]:
-        """Return the centre of mass (3,) of each load, and the radius [m] of a ball of its mass."""
+        """Return the centre of mass (3,) of each load, and the radius [m] of its ball."""
         balls = []
         for load in self._arm.payloads:
             frame = self._arm.pinocchio_model.getFrameId(load.link, pin.FrameType.BODY)
