@@ -18,7 +18,7 @@ from robot_dynamics.dependencies import optional
 from robot_dynamics.planar.chain import NewtonEulerPass
 from robot_dynamics_tools.animation import chain_stage
 from robot_dynamics_tools.animation.arm_motion import ArmMotion
-from robot_dynamics_tools.animation.panels import EffortPanel, EnergyPanel
+from robot_dynamics_tools.animation.panels import effort_bars, energy_bars
 from robot_dynamics_tools.animation.video import Frame, Pixels
 from robot_dynamics_tools.pictures.planar_view import PlanarView
 from robot_dynamics_tools.reporting.figures import GREY, styled_figure
@@ -99,13 +99,12 @@ class _Animation:
             figure.add_axes((left, (height - 0.45 - row_height * (row + 1) + 0.36) / height,
                              width, (row_height - 0.62) / height))
             for row in range(n + 1)]
-        self._panels: list[EnergyPanel | EffortPanel] = [
-            EnergyPanel(panels[0], self._motion),
-            *(EffortPanel(axes, self._motion, joint)
-              for axes, joint in zip(panels[1:], self._joints))]
+        self._panels = [energy_bars(panels[0], self._motion), *(
+            effort_bars(axes, self._motion, joint)
+            for axes, joint in zip(panels[1:], self._joints))]
 
     def _begin(
-        self, k: int, headline: str, caption: str, scales: chain_stage.StageScales,
+        self, k: int, headline: str, caption: str, scales: chain_stage.Scales,
     ) -> NewtonEulerPass:
         """Clear the stage for the instant k, and return what is to be drawn."""
         self._stage.clear(scales)
@@ -145,7 +144,7 @@ class _Animation:
             self._show_inward(k, i, scales)
             yield
 
-    def _show_outward(self, k: int, i: int, scales: chain_stage.StageScales) -> None:
+    def _show_outward(self, k: int, i: int, scales: chain_stage.Scales) -> None:
         """Show how links 0 to i move, with link i as the current one."""
         last, now = i + 1 == len(self._joints), self._passes[k]
         rate, change = (f'\\omega_{i} + ', f'\\dot\\omega_{i} + ') if i else ('', '')
@@ -172,7 +171,7 @@ class _Animation:
                 f'$\\dot v_{{{i + 2}}}$', chain_stage.NEXT_ACCELERATION)
         stage.draw_keys(accelerations=True)
 
-    def _show_inward(self, k: int, i: int, scales: chain_stage.StageScales) -> None:
+    def _show_inward(self, k: int, i: int, scales: chain_stage.Scales) -> None:
         """Show link i as a free body, and what the joints from the tip to it bear."""
         n, now = len(self._joints), self._passes[k]
         own, needed = i + 1, f'm_{i + 1} (\\dot v_{{C{i + 1}}} + g\\,\\hat y)'

@@ -9,8 +9,8 @@ arc of a moment τ covers the angle τ / `moment_scale`, in the direction of τ.
 both scales.
 """
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple, TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -38,27 +38,24 @@ _KEY_ROW = 1.27
 """Height of the keys above the joint of the base, as a share of the reach: above the axes."""
 
 
-class StageScales(NamedTuple):
-    """Scales of the arrows: [N/m], [N·m/rad], [m/s² per m], [rad/s per rad]."""
-
-    force: float
-    moment: float
-    acceleration: float
-    rate: float
+Scales = Mapping[str, float]
+"""Scale of a force [N/m], moment [N·m/rad], acceleration [m/s² per m], rate [rad/s per rad]."""
 
 
 def scales_for(
     passes: Sequence[NewtonEulerPass], reach: float, weight: float = 0.0,
-) -> StageScales:
+) -> Scales:
     """Return scales at which the largest arrows of these instants, and a weight [N], fit."""
     def largest(field: str) -> float:
         values = np.array([getattr(one, field) for one in passes])
         sizes = np.linalg.norm(values, axis=-1) if values.ndim == 3 else np.abs(values)
         return max(float(sizes.max()), 1e-9)
 
-    return StageScales(
-        max(largest('force'), weight) / (0.9 * reach), largest('tau') / _ROUNDEST,
-        largest('com_acceleration') / (0.7 * reach), largest('omega') / _ROUNDEST)
+    return {
+        'force': max(largest('force'), weight) / (0.9 * reach),
+        'moment': largest('tau') / _ROUNDEST,
+        'acceleration': largest('com_acceleration') / (0.7 * reach),
+        'rate': largest('omega') / _ROUNDEST}
 
 
 def round_number(value: float) -> float:
@@ -73,7 +70,7 @@ class ChainStage:
     def __init__(self, axes: 'Axes', reach: float, upright: bool) -> None:
         """Set up axes for a chain of this reach [m]; `upright`: it stands upright at zero."""
         self._axes, self._reach = axes, reach
-        self._scales = StageScales(1.0, 1.0, 1.0, 1.0)
+        self._scales: Scales = {}
         self._drawn: list[Any] = []
         half = 1.16 * reach
         axes.set(xlim=(-half, half), ylim=(-half, half), xlabel='x [m]', ylabel='y, up [m]')
@@ -85,7 +82,7 @@ class ChainStage:
             axes.text(0.0, 1.06 * reach, 'q = 0: upright', color=GREY, ha='center', va='bottom',
                       fontsize=9)
 
-    def clear(self, scales: StageScales) -> None:
+    def clear(self, scales: Scales) -> None:
         """Remove all drawings, and draw arrows at these scales from now on."""
         for artist in self._drawn:
             artist.remove()
@@ -97,16 +94,16 @@ class ChainStage:
         """Draw all links, or one of them dark and the others pale."""
         points = np.vstack([at.joint_position, at.tip_position])
         for i, (start, end) in enumerate(zip(points[:-1], points[1:])):
-            pale = current is not None and i != current
-            self._line([start, end], PALE_LINK if pale else LINK, 7.0, 3)
-            self._dot(at.com_position[i], 6.0, 'white', PALE_LINK if pale else BLACK, 6, '+')
-        for joint in points[:-1]:
-            self._dot(joint, 8.0, 'white', LINK, 5, 'o')
-        self._dot(points[0], 13.0, 'none', LINK, 4, 's')
+            link, com = (LINK, BLACK) if current in (None, i) else (PALE_LINK, PALE_LINK)
+            self._plot([start, end], color=link, linewidth=7.0, zorder=3)
+            self._plot([at.com_position[i]], color=com, marker='+', zorder=6)
+        joints = {'linestyle': 'none', 'color': LINK}
+        self._plot(points[:-1], marker='o', markersize=8.0, mfc='white', zorder=5, **joints)
+        self._plot(points[:1], marker='s', markersize=13.0, mfc='none', zorder=4, **joints)
 
     def draw_trail(self, tips: FloatArray) -> None:
         """Draw the previous positions of the tip, (k, 2) [m]."""
-        self._line(tips, TRAIL, 1.2, 2)
+        self._plot(tips, color=TRAIL, linewidth=1.2, zorder=2)
 
     # ------------------------------------------------------------------ what acts
 
@@ -115,7 +112,7 @@ class ChainStage:
         pale: bool = False,
     ) -> None:
         """Draw a `force` (2,) [N] or an `acceleration` (2,) [m/s²] of a point (2,) [m]."""
-        way = vector / getattr(self._scales, kind)
+        way = vector / self._scales[kind]
         length, colour = float(np.linalg.norm(way)), colour or COLOURS[kind]
         if length < _TINY * self._reach:
             return
@@ -131,7 +128,7 @@ class ChainStage:
 
         `size` is the radius as a fraction of the reach.
         """
-        angle, radius = value / getattr(self._scales, kind), size * self._reach
+        angle, radius = value / self._scales[kind], size * self._reach
         if abs(angle) < _SMALLEST_ARC:
             return
         beside = np.copysign(np.clip(0.5 * abs(angle), *_LABELS), angle)
@@ -152,7 +149,7 @@ class ChainStage:
         for x, gap, room, (kind, name, unit) in ((-1.16, 0.36, 0.3 * reach, vector),
                                                  (0.0, 0.24, 2.4, turn)):
             at = np.array([x * reach, _KEY_ROW * reach])
-            size = round_number(room * getattr(self._scales, kind))
+            size = round_number(room * self._scales[kind])
             if kind == turn[0]:
                 self.draw_arc(kind, at + np.array([0.1, -0.02]) * reach, size, size=0.08)
             else:
@@ -162,18 +159,10 @@ class ChainStage:
 
     # ------------------------------------------------------------------ strokes
 
-    def _line(self, points: Any, colour: str, width: float, layer: int) -> None:
-        points = np.asarray(points)
+    def _plot(self, points: FloatArray | list[FloatArray], **style: Any) -> None:
+        """Draw lines or markers at points (k, 2)."""
         self._drawn += self._axes.plot(
-            points[:, 0], points[:, 1], color=colour, linewidth=width, zorder=layer,
-            solid_capstyle='round')
-
-    def _dot(
-        self, at: FloatArray, size: float, face: str, edge: str, layer: int, marker: str,
-    ) -> None:
-        self._drawn += self._axes.plot(
-            *at, marker=marker, markersize=size, markerfacecolor=face, markeredgecolor=edge,
-            markeredgewidth=1.4, zorder=layer)
+            *np.transpose(points), solid_capstyle='round', markeredgewidth=1.4, **style)
 
     def _along(self, points: FloatArray, length: float, colour: str, pale: bool) -> None:
         """Draw an arrow of a length [m] along points (k, 2)."""

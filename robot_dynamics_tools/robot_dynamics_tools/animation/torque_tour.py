@@ -9,8 +9,8 @@ once per phase: what gravity takes, what the acceleration, what the velocity, an
 map shows this effort at all positions, for the velocity and acceleration of the moment.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -19,7 +19,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics_tools.animation.chain_animation import pixels
 from robot_dynamics_tools.animation.video import Frame
-from robot_dynamics_tools.pictures.stick_figure import side_view, StickFigure, tool_link
+from robot_dynamics_tools.pictures.stick_figure import side_lines
 from robot_dynamics_tools.pictures.torque_grid import PositionGrid, rigid_body_efforts
 from robot_dynamics_tools.pictures.torque_map import label_axes
 from robot_dynamics_tools.reporting import figures
@@ -35,39 +35,44 @@ REACH = 0.45
 DPI = 80
 
 
-class _Motion(NamedTuple):
-    """Motion (FRAMES, n) of an arm, and its joints in the image (FRAMES, k, 2) [m]."""
-
-    q: FloatArray
-    v: FloatArray
-    a: FloatArray
-    points: FloatArray
-
-
 def torque_frames(arm: ArmModel, grid: PositionGrid, joints: Sequence[int]) -> Iterator[Frame]:
     """Yield the frames of all phases; `joints` are those whose effort is drawn."""
-    body, motion = RigidBody(arm), _motion(arm, grid)
-    for number, (name, factors) in enumerate(PHASES.items(), 1):
-        states = [(q, factors[0] * v, factors[1] * a, factors[2])
-                  for q, v, a in zip(motion.q, motion.v, motion.a)]
-        maps = np.array([rigid_body_efforts(body, grid, *state[1:]) for state in states])
-        along = np.array([
-            body.inverse_dynamics(q, v, a) - (1.0 - share) * body.gravity(q)
-            for q, v, a, share in states])
+    body, (q, v, a) = RigidBody(arm), _motion(grid)
+    points, path = side_lines(arm, q), q[:, grid.joints]
+    half = 1.1 * float(np.abs(points).max())
+    units = [units_of(arm.joint_kinds[joint]).effort for joint in joints]
+    for number, (name, (of_v, of_a, of_g)) in enumerate(PHASES.items(), 1):
+        maps = np.array([rigid_body_efforts(body, grid, of_v * rate, of_a * change, of_g)
+                         for rate, change in zip(v, a)])
+        along = body.inverse_dynamics_batch(q, of_v * v, of_a * a) - (
+            1.0 - of_g) * body.gravity_batch(q)
         with figures.styled_figure(4.0 * (len(joints) + 1), 4.3) as figure:
             figure.set_dpi(DPI)
             figure.suptitle(f'{number} of {len(PHASES)}: {name}', fontweight='bold')
             stage, *axes = figure.subplots(1, len(joints) + 1)
-            draw = [_arm(stage, motion), *(
-                _map(figure, one, arm, grid, joint, maps, along, motion.q)
-                for one, joint in zip(axes, joints))]
+            stage.set(xlim=(-half, half), ylim=(-half, half), aspect='equal', xlabel='[m]')
+            line, = stage.plot([], [], 'o-', color=figures.BLACK, linewidth=4.0)
+            drawn = []
+            for one, joint, unit in zip(axes, joints, units):
+                image = _map(figure, one, grid, maps[..., joint],
+                             f'effort at {arm.joint_names[joint]} [{unit}]')
+                one.plot(*np.vstack([path, path[:1]]).T, color=figures.GREY, linewidth=0.8)
+                drawn.append((image, *one.plot([], [], 'o', color=figures.BLACK)))
+                label_axes(one, arm, grid)
+                one.grid(False)
             for k in range(FRAMES):
-                for one in draw:
-                    one(k)
+                line.set_data(*points[k].T)
+                stage.set_title(f'v = {v[k].round(1)},\na = {a[k].round(1)}')
+                for one, joint, unit, (image, dot) in zip(axes, joints, units, drawn):
+                    image.set_array(maps[k, ..., joint])
+                    dot.set_data(*path[k][:, None])
+                    one.set_title(f'{arm.joint_names[joint]}: {along[k, joint]:+.1f} {unit}',
+                                  fontweight='bold', parse_math=False)
                 yield Frame(pixels(figure), PERIOD / FRAMES)
 
 
-def _motion(arm: ArmModel, grid: PositionGrid) -> _Motion:
+def _motion(grid: PositionGrid) -> FloatArray:
+    """Return position, velocity and acceleration, (3, FRAMES, n)."""
     q = np.tile(grid.positions[0, 0], (FRAMES, 1))
     v, a = np.zeros_like(q), np.zeros_like(q)
     s = 2.0 * np.pi * np.arange(FRAMES) / FRAMES
@@ -76,45 +81,14 @@ def _motion(arm: ArmModel, grid: PositionGrid) -> _Motion:
         q[:, joint] = values.mean() + reach * np.sin(rate * s)
         v[:, joint] = reach * w * np.cos(rate * s)
         a[:, joint] = -reach * w**2 * np.sin(rate * s)
-    line = StickFigure(arm, tool_link(arm))
-    points = np.array([line.points(one) for one in q])
-    return _Motion(q, v, a, (points - points[:, :1]) @ side_view(arm, points).T)
+    return np.array([q, v, a])
 
 
-def _arm(axes: Any, motion: _Motion) -> Callable[[int], None]:
-    """Return a function that draws the arm in a frame."""
-    half = 1.1 * float(np.abs(motion.points).max())
-    axes.set(xlim=(-half, half), ylim=(-half, half), aspect='equal', xlabel='[m]')
-    line, = axes.plot([], [], 'o-', color=figures.BLACK, linewidth=4.0)
-
-    def draw(k: int) -> None:
-        line.set_data(*motion.points[k].T)
-        axes.set_title(f'v = {motion.v[k].round(1)},\na = {motion.a[k].round(1)}')
-
-    return draw
-
-
-def _map(
-    figure: Any, axes: Any, arm: ArmModel, grid: PositionGrid, joint: int, maps: FloatArray,
-    along: FloatArray, q: FloatArray,
-) -> Callable[[int], None]:
-    """Return a function that draws the effort of a joint in a frame."""
-    largest = max(float(np.abs(maps[..., joint]).max()), 1e-9)
-    unit, names = units_of(arm.joint_kinds[joint]).effort, arm.joint_names
+def _map(figure: Any, axes: Any, grid: PositionGrid, maps: FloatArray, label: str) -> Any:
+    """Draw the first of the maps (FRAMES, l, k), with the scale of all."""
+    largest = max(float(np.abs(maps).max()), 1e-9)
     image = axes.pcolormesh(
-        grid.x, grid.y, maps[0, ..., joint], vmin=-largest, vmax=largest, shading='nearest',
+        grid.x, grid.y, maps[0], vmin=-largest, vmax=largest, shading='nearest',
         cmap=figures.colour_map(figures.SIGNED_COLOURS), rasterized=True)
-    figure.colorbar(image, ax=axes, shrink=0.8, label=f'effort at {names[joint]} [{unit}]')
-    path = q[:, list(grid.joints)]
-    axes.plot(*np.vstack([path, path[:1]]).T, color=figures.GREY, linewidth=0.8)
-    dot, = axes.plot([], [], 'o', color=figures.BLACK)
-    label_axes(axes, arm, grid)
-    axes.grid(False)
-
-    def draw(k: int) -> None:
-        image.set_array(maps[k, ..., joint])
-        dot.set_data(*path[k][:, None])
-        axes.set_title(
-            f'{names[joint]}: {along[k, joint]:+.1f} {unit}', fontweight='bold', parse_math=False)
-
-    return draw
+    figure.colorbar(image, ax=axes, shrink=0.8, label=label)
+    return image

@@ -33,7 +33,7 @@ from robot_dynamics_tools.animation.video import write_video
 from robot_dynamics_tools.pictures import torque_grid
 from robot_dynamics_tools.pictures.map_report import map_page, panel_verdict, workspace_verdicts
 from robot_dynamics_tools.pictures.stick_figure import tool_link
-from robot_dynamics_tools.pictures.torque_map import even_poses, map_figure, MapPanel, POSES
+from robot_dynamics_tools.pictures.torque_map import map_figure, MapPanel, POSES
 from robot_dynamics_tools.pictures.workspace_map import map_gravity, workspace_figure
 from robot_dynamics_tools.reporting.figures import save_figure
 from robot_dynamics_tools.reporting.progress import Progress
@@ -159,8 +159,7 @@ def _map(
     values, title = _values(arguments, arm, grid)
     on_computed()
     panels = [_panel(arguments.what, arm, joint, values[..., joint]) for joint in shown]
-    poses = even_poses(grid, POSES) if arguments.pose is None else np.array(arguments.pose)
-    figure = map_figure(f'{arm.name}{load}: {title}', arm, grid, panels, poses)
+    figure = map_figure(f'{arm.name}{load}: {title}', arm, grid, panels, arguments.pose or ())
     said = ', '.join(
         f'{panel.title} from {panel.values.min():.4g} to {panel.values.max():.4g} {panel.unit}'
         for panel in panels)

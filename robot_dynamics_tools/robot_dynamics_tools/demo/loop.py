@@ -15,7 +15,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.ros.middleware.conversions import stamp_to_ros, trajectory_to_ros
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics_tools import processes
-from robot_dynamics_tools.demo.session import DESCRIPTION, recording_session, Session
+from robot_dynamics_tools.demo.session import DESCRIPTION, Session
 from robot_dynamics_tools.excitation.demo_motion import ReferenceMotion
 from robot_dynamics_tools.recorder import TopicSpec
 from robot_dynamics_tools.recordings.topics import TopicQos
@@ -75,7 +75,7 @@ def run_closed_loop(
           f'{rate:g} Hz) ...', flush=True)
     description = str((directory / DESCRIPTION).resolve())
     try:
-        with recording_session(directory, urdf, [CLOCK]) as session:
+        with Session(directory, urdf, [CLOCK]) as session:
             session.processes.start(
                 'dynamics', processes.DYNAMICS,
                 {'robot_description_file': description, 'lock_step': True},

@@ -3,15 +3,15 @@
 
 """Playback of a recording to `dynamics`, and comparison of the played states with the model."""
 
-from collections.abc import Callable
 from pathlib import Path
 import time
 
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
-from robot_dynamics_tools.demo.session import DESCRIPTION, recording_session, Session
+from robot_dynamics_tools.demo.session import DESCRIPTION, Session
 from robot_dynamics_tools.processes import DYNAMICS, NodeError
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.messages import joint_state_messages
@@ -53,89 +53,67 @@ def play_recording(
     recorded: JointSeries, urdf: str, rate: float | None, directory: Path,
 ) -> AnalysisSettings:
     """
-    Play the recorded states to the node, and record all topics.
+    Play the recorded states to the node with their recorded stamps, and record all topics.
 
-    Returns the settings for the analysis of this recording. Raises RobotDynamicsError if arm and
-    recording do not match, NodeError if the node fails.
+    `rate` [Hz] is the largest one (None: as fast as the node responds). Returns the settings for
+    the analysis of this recording. Raises RobotDynamicsError if arm and recording do not match,
+    NodeError if a state gets no response, or the node ends.
     """
     arm = _recorded_arm(urdf, recorded)
     joints = list(arm.joint_names)
     series = recorded.of_joints(arm.joint_names)
     print(f'Starting dynamics_node ({arm.name}, {arm.joint_count} joints) ...', flush=True)
-    now = {'ns': int(series.stamps_ns[0])}
-    with recording_session(directory, urdf, time_ns=lambda: now['ns']) as session:
+    stamps, played, resent = series.stamps_ns.tolist(), 0, 0
+    messages = joint_state_messages(
+        series.stamps_ns, series.joint_names, series.position, series.velocity, series.effort)
+    with Session(directory, urdf, time_ns=lambda: int(stamps[max(played - 1, 0)])) as session:
         session.processes.start('dynamics', DYNAMICS, {
             'robot_description_file': str((directory / DESCRIPTION).resolve()),
             'joints': joints,
             'command': 'gravity_compensation',  # a recorded arm cannot be held
             'state_max_age': 0.0,  # a recording may have any age
             'measured_effort': 'none'})  # no command of this node held the recorded arm
-        playback = Playback(session, series)
-        session.wait_for(lambda: playback.found, f'a subscriber of {Session.JOINT_STATES}')
+        publisher = session.node.create_publisher(
+            JointState, Session.JOINT_STATES, QoSProfile(depth=1))
+        session.wait_for(
+            lambda: bool(publisher.get_subscription_count() >= 2),  # dynamics, and the recorder
+            f'a subscriber of {Session.JOINT_STATES}')
         print('Playing the recorded states, each after the response to the state before ...',
               flush=True)
-        with Progress(len(series.stamps_ns), 'states') as progress:
-            def on_progress(done: int) -> None:
-                now['ns'] = int(series.stamps_ns[done - 1])
-                progress.update(done)
-
-            played = playback.play(rate, on_progress)
+        start = time.monotonic()
+        with Progress(len(stamps), 'states') as progress:
+            for stamp, state in zip(stamps, messages):
+                if rate is not None:
+                    _receive_until(session, start + played / rate)
+                resent += _ask(session, publisher, stamp, state)
+                played += 1
+                progress.update(played)
+        seconds = time.monotonic() - start
         lost = sum(count.lost for count in session.recorder.counts.values())
-    print(f'\n{played}; {lost} messages dropped by the recorder\n')
+    print(f'\n{played} states played in {seconds:.1f} s, all answered ({resent} retransmitted); '
+          f'{lost} messages dropped by the recorder\n')
     return AnalysisSettings(urdf, Session.JOINT_STATES, parameters={'joints': joints})
 
 
-class Playback:
-    """Publishes the samples of a series as a robot does, with their recorded stamps."""
+def _receive_until(session: Session, deadline: float, stamp: int | None = None) -> bool:
+    """Record until the deadline; return early and True at the answer with this stamp."""
+    while (remaining := deadline - time.monotonic()) > 0.0:
+        session.recorder.wait(Session.GRAVITY, remaining)
+        session.on_turn()
+        if session.recorder.counts[Session.GRAVITY].stamp_ns == stamp:
+            return True
+    return False
 
-    def __init__(self, session: Session, series: JointSeries) -> None:
-        """Take a session that records the topic GRAVITY with the stamps of answered states."""
-        self._session, self._stamps = session, series.stamps_ns.tolist()
-        self._messages = joint_state_messages(
-            series.stamps_ns, series.joint_names, series.position, series.velocity, series.effort)
-        self._publisher = session.node.create_publisher(
-            JointState, Session.JOINT_STATES, QoSProfile(depth=1))
 
-    @property
-    def found(self) -> bool:
-        """Whether there is a subscriber in addition to the recorder."""
-        return bool(self._publisher.get_subscription_count() >= 2)
-
-    def play(self, rate: float | None, on_progress: Callable[[int], None]) -> str:
-        """
-        Play all samples, at most at `rate` [Hz] (None: as fast as the node responds).
-
-        Returns what was played, in a line. `on_progress` receives the number of played samples.
-        Raises NodeError if a state gets no response, or the node ends.
-        """
-        start, resent = time.monotonic(), 0
-        for i, state in enumerate(zip(self._stamps, self._messages)):
-            if rate is not None:
-                self._receive_until(start + i / rate)
-            resent += self._ask(*state)
-            on_progress(i + 1)
-        return (f'{len(self._stamps)} states played in {time.monotonic() - start:.1f} s, all '
-                f'answered ({resent} retransmitted)')
-
-    def _receive_until(self, deadline: float, stamp: int | None = None) -> bool:
-        """Record until the deadline; return early and True at the answer with this stamp."""
-        recorder = self._session.recorder
-        while (remaining := deadline - time.monotonic()) > 0.0:
-            recorder.wait(Session.GRAVITY, remaining)
-            self._session.on_turn()
-            if recorder.counts[Session.GRAVITY].stamp_ns == stamp:
-                return True
-        return False
-
-    def _ask(self, stamp: int, state: bytes) -> int:
-        """Publish a state until it is answered; return the number of retransmissions."""
-        for resent in range(MOST_RESENT):
-            self._publisher.publish(state)
-            if self._receive_until(time.monotonic() + RESEND_PERIOD, stamp):
-                return resent
-        raise NodeError(
-            f'the state of stamp {stamp} ns got no answer on {Session.GRAVITY} in '
-            f'{MOST_RESENT * RESEND_PERIOD:g} s.\n{self._session.processes.logs()}')
+def _ask(session: Session, publisher: Publisher, stamp: int, state: bytes) -> int:
+    """Publish a state until it is answered; return the number of retransmissions."""
+    for resent in range(MOST_RESENT):
+        publisher.publish(state)
+        if _receive_until(session, time.monotonic() + RESEND_PERIOD, stamp):
+            return resent
+    raise NodeError(
+        f'the state of stamp {stamp} ns got no answer on {Session.GRAVITY} in '
+        f'{MOST_RESENT * RESEND_PERIOD:g} s.\n{session.processes.logs()}')
 
 
 def _recorded_arm(urdf: str, series: JointSeries) -> ArmModel:

@@ -4,6 +4,7 @@
 """The evaluation of a recording of the closed loop: errors, rates, figure and HTML report."""
 
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from robot_dynamics_tools.excitation.demo_motion import sample_trajectory
 from robot_dynamics_tools.recordings.reader import Recording, stack, stamp_ns
 from robot_dynamics_tools.reporting.figures import effort_panel, Panel
 from robot_dynamics_tools.reporting.interactive import add_time_figures
-from robot_dynamics_tools.reporting.text_table import quantity_table
+from robot_dynamics_tools.reporting.text_table import column_rows, quantity_table, Rows
 
 LARGEST_RMS = 0.01
 """Largest RMS error [rad] or [m] of a tracked joint, at the default gains."""
@@ -105,14 +106,13 @@ def print_report(report: LoopReport, run: LoopRun) -> None:
     print('\n'.join(rate_lines(report, run)))
 
 
-def error_rows(report: LoopReport) -> list[tuple[str, ...]]:
+def error_rows(report: LoopReport) -> Rows:
     """Return the errors of each joint, after a row of titles."""
-    rows: list[tuple[str, ...]] = [('joint', 'RMS error', 'largest error', 'limit of RMS')]
-    for name, kind, rms, largest in zip(
-            report.arm.joint_names, report.arm.joint_kinds, report.rms, report.largest):
-        text = units_of(kind).error_text
-        rows.append((name, text(rms), text(largest), text(LARGEST_RMS)))
-    return rows
+    texts = [units_of(kind).error_text for kind in report.arm.joint_kinds]
+    return column_rows('joint', report.arm.joint_names, *(
+        (title, [text(value) for text, value in zip(texts, values)]) for title, values in (
+            ('RMS error', report.rms), ('largest error', report.largest),
+            ('limit of RMS', repeat(LARGEST_RMS)))))
 
 
 def rate_lines(report: LoopReport, run: LoopRun) -> list[str]:
@@ -135,9 +135,8 @@ def rate_lines(report: LoopReport, run: LoopRun) -> list[str]:
 
 def loop_panels(report: LoopReport) -> tuple[Panel, ...]:
     """Return the panels of positions, errors, and the effort by term."""
-    friction = report.arm.friction
     lines = {name: values for name, values in report.terms.items()
-             if name != 'friction' or friction.viscous.any() or friction.coulomb.any()}
+             if name != 'friction' or values.any()}
     return (
         Panel('Position', 'position', report.times,
               {'reference': report.reference, 'measured': report.measured}, ('rad', 'm')),

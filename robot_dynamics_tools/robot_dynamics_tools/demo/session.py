@@ -3,8 +3,7 @@
 
 """Code of both kinds of demo: the topics, the nodes, a recorder, and an orderly shutdown."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 import time
 from typing import Any
@@ -49,20 +48,29 @@ class Session(DynamicsClient):
     recorder: Recorder
 
     def __init__(
-        self, writer: RecordingWriter, topics: Sequence[TopicSpec],
-        time_ns: Callable[[], int] | None, processes: Nodes,
+        self, directory: Path, urdf: str, topics: Sequence[TopicSpec] = (),
+        time_ns: Callable[[], int] | None = None,
     ) -> None:
-        """Record to `writer`, under the time `time_ns` of a playback; `processes` start later."""
+        """
+        Record to `directory`/recording, under the time `time_ns` of a playback.
+
+        `topics` are recorded in addition to TOPICS. The recording begins with the URDF, as any
+        viewer and `--replay` expect it. `processes` start later.
+        """
+        self._writer = RecordingWriter(directory / RECORDING)
         super().__init__('dynamics', START_TIMEOUT)
-        self.processes, self.recorder = processes, Recorder(self.node, writer, topics, time_ns)
+        self.processes = Nodes(directory)
+        self.recorder = Recorder(self.node, self._writer, (*self.TOPICS, *topics), time_ns)
+        write_description(self._writer, ROBOT_DESCRIPTION, urdf, (time_ns or time.time_ns)())
 
     def __exit__(self, *error: object) -> None:
-        """Stop the nodes, then record what they have sent."""
-        try:
-            self.processes.stop()
-        finally:
-            self.recorder.close()
-            super().__exit__(*error)
+        """Stop the nodes, record what they have sent, then close the recording."""
+        with self._writer:
+            try:
+                self.processes.stop()
+            finally:
+                self.recorder.close()
+                super().__exit__(*error)
 
     def on_turn(self) -> None:
         """Record the waiting messages; raise NodeError if a node has ended."""
@@ -84,22 +92,3 @@ class Session(DynamicsClient):
     def record(self) -> None:
         """Record for a moment; raise NodeError if a node has ended."""
         self.wait(lambda: False, DRAIN_PERIOD)
-
-
-@contextmanager
-def recording_session(
-    directory: Path, urdf: str, topics: Sequence[TopicSpec] = (),
-    time_ns: Callable[[], int] | None = None,
-) -> Iterator[Session]:
-    """
-    Yield a session that records to `directory`/recording; the nodes stop before it is closed.
-
-    `topics` are recorded in addition to those of each session.
-
-    The recording begins with the URDF, as any viewer and `--replay` expect it.
-    """
-    with (RecordingWriter(directory / RECORDING) as writer,
-          Session(writer, (*Session.TOPICS, *topics), time_ns, Nodes(directory)) as session):
-        write_description(
-            writer, ROBOT_DESCRIPTION, urdf, time.time_ns() if time_ns is None else time_ns())
-        yield session

@@ -15,19 +15,18 @@ from collections.abc import Callable
 import numpy as np
 from rclpy.node import Node
 from robot_dynamics.arrays import all_finite, FloatArray
-from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.ros.middleware.cdr_templates import state_template
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error
 from robot_dynamics.ros.middleware.joint_state_loop import LOG_PERIOD
-from robot_dynamics.ros.middleware.rclpy_internals import subscription_count
 from robot_dynamics.ros.parameters.declared_parameters import Values
-from robot_dynamics_tools.monitor.contacts import LiveContacts
+from robot_dynamics_tools.monitor.external import LiveContacts, LiveWrench, Output
 from robot_dynamics_tools.monitor.followed_model import Followed
 from robot_dynamics_tools.monitor.states import MeasuredState
-from robot_dynamics_tools.monitor.wrench import LiveWrench, NEWEST_ONLY
 from robot_dynamics_tools.monitoring.external_wrench import ExternalWrenchEstimator
 from robot_dynamics_tools.monitoring.live_residual import LiveResidual
 from robot_dynamics_tools.pictures.stick_figure import tool_link
@@ -35,7 +34,7 @@ from sensor_msgs.msg import JointState
 
 LONGEST_STEP = 0.1
 """[s] between two states after which the estimators reset: the motion between is unknown."""
-NO_SUBSCRIBERS = 'no subscribers'
+RESTING, MADE = (OK, 'no subscribers'), (OK, 'made')
 
 
 class Estimates:
@@ -43,8 +42,6 @@ class Estimates:
 
     def __init__(self, model: Followed, values: Values) -> None:
         """Estimate with a model, at the bandwidths of `dynamics` and of the `values`."""
-        self._arm = model.arm
-        self._deviation: EffortDeviation | None = None
         self.template = state_template(model.arm.joint_names, has_motion=False)
         dynamics = ArmDynamics(model.arm)
         self._external = ExternalEffort(dynamics, model.values['external_effort_bandwidth'])
@@ -53,11 +50,14 @@ class Estimates:
         self.wrench = ExternalWrenchEstimator(
             dynamics, self._external, values['external_wrench.frame'] or tool_link(model.arm),
             values['external_wrench.largest_force'], values['external_wrench.largest_torque'])
+        self.set_model(model)
 
     def set_model(self, model: Followed) -> None:
         """Continue with other loads, gravity or bandwidth of the same arm."""
         self._external.set_bandwidth(model.values['external_effort_bandwidth'])
-        self._arm, self._deviation, dynamics = model.arm, None, ArmDynamics(model.arm)
+        dynamics, self._uncertainty = ArmDynamics(model.arm), model.arm.uncertainty
+        self._deviation = None if self._uncertainty is None else EffortDeviation(
+            dynamics, self._uncertainty)
         for estimator in self._all:
             estimator.set_dynamics(dynamics)
         self.wrench.set_dynamics(dynamics)
@@ -85,7 +85,7 @@ class Estimates:
     @property
     def has_deviations(self) -> bool:
         """Whether the arm has an uncertainty."""
-        return self._arm.uncertainty is not None
+        return self._uncertainty is not None
 
     def deviation(self, number: int, dt: float) -> FloatArray | None:
         """
@@ -95,13 +95,11 @@ class Estimates:
         states. The parts are the effort noise behind the filter of the estimate, and the
         uncertainty of the model at the present state.
         """
-        estimator, uncertainty = self._all[number], self._arm.uncertainty
-        if uncertainty is None or estimator.state is None:
+        estimator = self._all[number]
+        if self._uncertainty is None or self._deviation is None or estimator.state is None:
             return None
-        if self._deviation is None:
-            self._deviation = EffortDeviation(ArmDynamics(self._arm), uncertainty)
         return np.hypot(
-            uncertainty.noise(estimator.noise_bandwidth, dt),
+            self._uncertainty.noise(estimator.noise_bandwidth, dt),
             self._deviation(*estimator.state, smooth=True))
 
 
@@ -111,16 +109,13 @@ class LiveEstimates:
     def __init__(self, node: Node, is_external_wanted: Callable[[], bool]) -> None:
         """`is_external_wanted` returns whether the node itself needs effort and wrench."""
         self._node, self._is_external_wanted = node, is_external_wanted
-        self._publishers, self._deviations = (
-            [node.create_publisher(JointState, f'~/{estimate}{of}', NEWEST_ONLY)
-             for estimate in ('external_effort', 'residual')] for of in ('', '_deviation'))
+        self._outputs = [
+            [Output(node, JointState, f'~/{estimate}{of}') for of in ('', '_deviation')]
+            for estimate in ('external_effort', 'residual')]
         self.wrench, self.contacts = LiveWrench(node, is_external_wanted), LiveContacts(node)
-        self._counts = [subscription_count(one) for one in self._publishers]
-        self._deviation_counts = [subscription_count(one) for one in self._deviations]
         self.estimates: Estimates | None = None
         """The estimators in use, None without a model."""
-        self._is_on = self._is_lacking = False
-        self._message = NO_SUBSCRIBERS
+        self._condition = RESTING
         self._stamp = 0
         self.external_effort: FloatArray | None = None
         """External effort of the newest state (n,), None if it is not estimated."""
@@ -135,17 +130,15 @@ class LiveEstimates:
     @property
     def wanted(self) -> tuple[bool, bool]:
         """Whether external effort and residual are needed."""
-        external, residual = (count() > 0 for count in self._counts)
-        external = (external or self.wrench.has_subscribers or self.contacts.is_on
-                    or self._is_external_wanted())
-        if self.estimates is not None and self.estimates.has_deviations:
-            of_external, of_residual = (count() > 0 for count in self._deviation_counts)
-            external, residual = external or of_external, residual or of_residual
-        return external, residual
+        topics = 2 if self.estimates is not None and self.estimates.has_deviations else 1
+        external, residual = (
+            any(one.count() > 0 for one in outputs[:topics]) for outputs in self._outputs)
+        return (external or self.wrench.has_subscribers or self.contacts.is_on
+                or self._is_external_wanted()), residual
 
     def rest(self) -> None:
         """Estimate nothing, and reset at the next state."""
-        self._is_on, self._is_lacking, self._message = False, False, NO_SUBSCRIBERS
+        self._condition = RESTING
         self.external_effort = self.wrench.newest = None
 
     def update(self, state: MeasuredState, wanted: tuple[bool, bool]) -> None:
@@ -156,10 +149,12 @@ class LiveEstimates:
             return
         try:
             self._take(estimates, wanted, state)
-        except RobotDynamicsError as error:
-            self._lack(str(error))
         except Exception as error:  # no state may end the thread
-            self._lack(repr(error))
+            self.rest()
+            self._condition = WARN, f'none: {describe_error(error)}'
+            self._node.get_logger().warning(
+                f'No ~/external_effort, ~/external_wrench and ~/residual: {describe_error(error)}',
+                throttle_duration_sec=LOG_PERIOD)
 
     def _take(self, estimates: Estimates, wanted: tuple[bool, bool], state: MeasuredState) -> None:
         if state.effort is None:
@@ -172,39 +167,30 @@ class LiveEstimates:
         self.external_effort = found[0]
         if found[0] is not None and self.contacts.is_on:
             self.contacts.update(state.stamp_ns, dt, state.v, found[0])
-        for publisher, estimate in zip(self._publishers, found):
-            if estimate is not None:
-                publisher.publish(estimates.template.filled(state.stamp, estimate))
+        for i, ((output, of_deviation), estimate) in enumerate(zip(self._outputs, found)):
+            if estimate is None:
+                continue
+            output.publish(estimates.template.filled(state.stamp, estimate))
+            deviation = estimates.deviation(i, dt) if of_deviation.count() else None
+            if deviation is not None:
+                of_deviation.publish(estimates.template.filled(state.stamp, deviation))
         if found[0] is not None:
             self.wrench.publish(state.stamp_ns, dt)
-        for i, (publisher, count) in enumerate(zip(self._deviations, self._deviation_counts)):
-            if found[i] is not None and count():
-                deviation = estimates.deviation(i, dt)
-                if deviation is not None:
-                    publisher.publish(estimates.template.filled(state.stamp, deviation))
 
     def _begin_where_needed(self, estimates: Estimates, state: MeasuredState) -> float:
         """Return the time [s] since the state before; after a reset it is not used."""
         dt = 1e-9 * (state.stamp_ns - self._stamp)
         self._stamp = state.stamp_ns
         reason = state.restart or ('' if 0.0 < dt <= LONGEST_STEP else 'gap')
-        if self._is_on and reason:
+        if self._condition == MADE and reason:
             self._restarts[reason] += 1
-        if reason or not self._is_on:
+        if reason or self._condition != MADE:
             estimates.restart()
-        self._is_on, self._is_lacking, self._message = True, False, 'made'
+        self._condition = MADE
         return dt
-
-    def _lack(self, reason: str) -> None:
-        """Reset at the next state, and log the reason."""
-        self.rest()
-        self._is_lacking, self._message = True, f'none: {reason}'
-        self._node.get_logger().warning(
-            f'No ~/external_effort, ~/external_wrench and ~/residual: {reason}',
-            throttle_duration_sec=LOG_PERIOD)
 
     def status(self) -> Status:
         """Return whether estimates are published, for the diagnostics."""
         restarts = dict(self._restarts)  # an atomic copy, because another thread counts
-        return Status('estimates', WARN if self._is_lacking else OK, self._message, {
+        return Status('estimates', *self._condition, {
             f'reset: {reason}': count for reason, count in sorted(restarts.items())})

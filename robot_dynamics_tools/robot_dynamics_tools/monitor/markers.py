@@ -11,7 +11,7 @@ are those of `effort_command`, or g(q) without a command.
 
 from collections.abc import Iterable, Sequence
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point
@@ -58,24 +58,15 @@ MANIPULABILITY_SCALE = 0.25
 """[s]: length of a half-axis by its velocity."""
 
 
-class _Seen(NamedTuple):
-    """The drawn quantities of a state: the wrench (6,) at the link, all others (n,)."""
-
-    stamp_ns: int
-    q: FloatArray
-    external: FloatArray | None
-    wrench: FloatArray | None
-
-
 class LiveMarkers:
     """Publishes markers; the thread of the states calls `update`, the executor the rest."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._model: Followed | None = None
-        self._marks: tuple[object, ArmMarks] | None = None
-        self._frame = self._link = ''
-        self._seen: _Seen | None = None
+        self._marks: ArmMarks | None = None
+        self._frame = ''
+        self._seen: tuple[MeasuredState, FloatArray | None, FloatArray | None] | None = None
         self._command: JointState | None = None
         self._commands: Any = None
         self._rests_until = 0.0
@@ -106,41 +97,39 @@ class LiveMarkers:
         """Draw this arm and the pose of a link, None without a model."""
         if model is not None and (self._model is None or self._model.base is not model.base):
             self._frame, self._seen = parse_urdf(model.xml).root_link, None
-        self._model, self._link = model, link
+        self._model, self._marks = model, None if model is None else ArmMarks(model.arm, link)
 
     def update(
         self, state: MeasuredState, external: FloatArray | None, wrench: FloatArray | None,
     ) -> None:
         """Take a state, its external effort (n,) and wrench (6,)."""
-        self._seen = _Seen(state.stamp_ns, state.q, external, wrench)
+        self._seen = state, external, wrench
 
     def _draw(self) -> None:
-        began, model = time.monotonic(), self._model
-        if model is None or began < self._rests_until:
+        began, model, marks = time.monotonic(), self._model, self._marks
+        if model is None or marks is None or began < self._rests_until:
             return
         seen, self._seen = self._seen, None
-        arm = model.arm
-        if seen is None or len(seen.q) != arm.joint_count:  # a state of the previous arm
+        if seen is None or len(seen[0].q) != model.arm.joint_count:  # of the previous arm
             return
-        if self._marks is None or self._marks[0] is not arm:
-            self._marks = arm, ArmMarks(arm, self._link)
+        state, external, wrench = seen
         with np.errstate(over='ignore', invalid='ignore'):
-            effort = self._effort(model, seen)
-            message = drawn(self._marks[1], arm, seen.q, effort, seen.external, seen.wrench)
-        stamp = stamp_to_ros(seen.stamp_ns)
+            effort = self._effort(model, state)
+            message = drawn(marks, model.arm, state.q, effort, external, wrench)
+        stamp = stamp_to_ros(state.stamp_ns)
         for marker in message.markers:
             marker.header.frame_id, marker.header.stamp = self._frame, stamp
         self._publisher.publish(message)
         self._rests_until = began + (time.monotonic() - began) / TIME_FRACTION
 
-    def _effort(self, model: Followed, seen: _Seen) -> FloatArray:
+    def _effort(self, model: Followed, state: MeasuredState) -> FloatArray:
         """Return the commanded effort (n,) at the joints, g(q) if there is no command."""
         command, arm = self._command, model.arm
         if command is None or abs(
-                seen.stamp_ns - stamp_from_ros(command.header.stamp)) > LARGEST_LAG_NS:
-            return UncheckedArmDynamics(arm).rigid_body.gravity(seen.q)
+                state.stamp_ns - stamp_from_ros(command.header.stamp)) > LARGEST_LAG_NS:
+            return UncheckedArmDynamics(arm).rigid_body.gravity(state.q)
         effort = arm.given_drive.torque(JointStateReader(arm.joint_names).finite_effort(command))
-        return effort + model.robot_gravity(seen.q) if (
+        return effort + model.robot_gravity(state.q) if (
             model.convention.compensates_gravity) else effort
 
 
@@ -174,8 +163,8 @@ def drawn(
                     points=effort_line(place, fraction, 1.3 * marks.size))
             for i, (place, fraction) in enumerate(zip(places, (external / full).tolist()))]
     markers += [
-        _marker('payload', i, Marker.SPHERE, figures.YELLOW, 3 * (2.0 * ball.radius,), ball.centre)
-        for i, ball in enumerate(marks.payloads())]
+        _marker('payload', i, Marker.SPHERE, figures.YELLOW, 3 * (2.0 * radius,), centre)
+        for i, (centre, radius) in enumerate(marks.payloads())]
     return MarkerArray(markers=markers + _at_link(marks, wrench))
 
 

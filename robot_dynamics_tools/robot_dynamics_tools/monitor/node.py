@@ -25,11 +25,9 @@ from robot_dynamics.validation import check_scalar
 from robot_dynamics_interfaces.srv import EstimatePayload
 from robot_dynamics_tools.monitor import payload_estimation
 from robot_dynamics_tools.monitor.estimates import Estimates, LiveEstimates
-from robot_dynamics_tools.monitor.followed_dynamics import FollowedDynamics
-from robot_dynamics_tools.monitor.followed_model import Followed, FollowedModel, NAMES
+from robot_dynamics_tools.monitor.followed_model import Followed, FollowedModel
 from robot_dynamics_tools.monitor.markers import LiveMarkers
 from robot_dynamics_tools.monitor.parameters import full_name, SPECS
-from robot_dynamics_tools.monitor.payload_request import PayloadRequest
 from robot_dynamics_tools.monitor.states import StateInput
 
 NODE = 'dynamics_monitor'
@@ -69,13 +67,11 @@ class DynamicsMonitor(GuardedCallbacks):
         dynamics = full_name(self._settings.values['dynamics'], self.get_namespace())
         self._markers = LiveMarkers(self)
         self._estimates = LiveEstimates(self, lambda: self._markers.is_on)
-        self._samples = payload_estimation.PayloadSamples()
-        self._estimation = payload_estimation.PayloadEstimation(self, self._samples)
-        self._request = PayloadRequest(self, dynamics)
+        self._estimation = payload_estimation.PayloadEstimation(self)
+        self._request = payload_estimation.PayloadRequest(self, dynamics)
         self.create_service(EstimatePayload, '~/estimate_payload', self._estimate_payload)
-        self._models = FollowedModel(self, self._use, lambda: self._settings.values)
-        self._dynamics = FollowedDynamics(
-            self, dynamics, NAMES, self._models.set_model, self._models.set_payloads)
+        self._models = FollowedModel(
+            self, dynamics, self._use, lambda: self._settings.values)
         self._loop = JointStateLoop(self, self._on_state, self._refuse)
         publish_diagnostics(self, self._statuses)
         self.call_when_spun(self._loop.start)
@@ -94,7 +90,8 @@ class DynamicsMonitor(GuardedCallbacks):
     def _apply(self, values: Values) -> None:
         with self._lock:
             if self._estimates.estimates is not None:
-                self._estimates.estimates.residual.set_bandwidth(values['residual_bandwidth'])
+                self._estimates.estimates.residual.low_pass.set_cutoff(
+                    values['residual_bandwidth'])
 
     # ------------------------------------------------------------------ model and states
 
@@ -102,22 +99,20 @@ class DynamicsMonitor(GuardedCallbacks):
         """Use a model from the next state on; raise InvalidInputError if that is not possible."""
         before, estimates, states = self._model, self._estimates.estimates, self._states
         is_same = before is not None and model is not None and before.base is model.base
-        if model is not None and not is_same:
+        if model is None:
+            estimates = states = None
+        elif not is_same:
             estimates = Estimates(model, self._settings.values)
             states = StateInput(model, lambda: self._loop.publisher_count() > 1)
         with self._lock:
-            if model is None:
-                self._estimates.set_estimates(None)
-            elif estimates is not None and states is not None:
-                if is_same:
-                    estimates.set_model(model)
-                    states.set_model(model)
-                else:
-                    self._estimates.set_estimates(estimates)
+            if not is_same:
+                self._estimates.set_estimates(estimates)
+            self._model, self._states = model, states
+            if model is not None and estimates is not None and states is not None:
+                estimates.set_model(model)
+                states.set_model(model)
                 self._estimates.contacts.set_levels(model.values, model.arm)
-            self._model, self._states = model, None if model is None else states
-        link = '' if model is None or estimates is None else estimates.wrench.frame
-        self._markers.set_model(model, link)
+        self._markers.set_model(model, '' if estimates is None else estimates.wrench.frame)
         self._estimation.set_model(model)
 
     def _on_state(self, received: SensedState) -> None:
@@ -125,7 +120,7 @@ class DynamicsMonitor(GuardedCallbacks):
             states, estimates, wanted = self._states, self._estimates, self._estimates.wanted
             if states is None:
                 return
-            if not (any(wanted) or self._samples.is_on):
+            if not (any(wanted) or self._estimation.is_on):
                 states.rest()
                 estimates.rest()
                 return
@@ -133,7 +128,7 @@ class DynamicsMonitor(GuardedCallbacks):
             if state is None:
                 return
             estimates.update(state, wanted)
-            self._samples.take(state)
+            self._estimation.keep(state)
             if self._markers.is_on:
                 self._markers.update(state, estimates.external_effort, estimates.wrench.newest)
 
@@ -170,7 +165,7 @@ class DynamicsMonitor(GuardedCallbacks):
     def _statuses(self) -> list[Status]:
         states = self._states
         return [
-            self._dynamics.status(), *self._models.statuses(), self._estimates.status(),
+            *self._models.statuses(), self._estimates.status(),
             *([] if states is None else [states.status()])]
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The estimation of `~/estimate_payload`: from buffered states to an estimate, in the executor.
+The estimation of `~/estimate_payload`: from buffered states to an estimate, and its payload.
 
 The thread of the states only stores them, and only while an estimation is active. A timer filters
 them and adds them to the estimator. Position, velocity and effort pass the same causal filter,
@@ -14,13 +14,16 @@ from dataclasses import replace
 import math
 
 import numpy as np
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.regressor import NAMES
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, payload_to_ros
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
-from robot_dynamics_interfaces.srv import EstimatePayload
+from robot_dynamics_interfaces.srv import EstimatePayload, SetPayload
 from robot_dynamics_tools.monitor.followed_model import Followed
 from robot_dynamics_tools.monitor.states import MeasuredState
 from robot_dynamics_tools.monitoring.low_pass import StateFilter
@@ -41,47 +44,13 @@ GRAVITY_CHANGE = 0.05
 """Largest change of gravity [m/s²] during an estimation."""
 WITHOUT_REFERENCE = 'none', 'gravity_compensation', 'hand_guiding'
 """Values of `command` of laws that follow no reference."""
+ANSWER_TIME = 5.0
+"""[s] for the answer of `~/set_payload`."""
 COMPENSATED = (
     'dynamics compensated friction at rest, so that dry friction cancels only in part, and the '
     'deviations are larger: set friction_compensation to none for the holds')
 NOT_STARTED = (
     'no estimation is active, expected an earlier call with start = true and the name of a link')
-
-
-class PayloadSamples:
-    """
-    A buffer of states while an estimation is active.
-
-    The thread of the states calls `take`, another thread the other methods. A deque is safe for
-    one thread at each end.
-    """
-
-    def __init__(self) -> None:
-        self.is_on = False
-        self.obstacle = ''
-        """Reason why the newest state cannot be used, empty if it can."""
-        self._waiting: deque[MeasuredState] = deque(maxlen=MOST_SAMPLES)
-
-    def begin(self) -> None:
-        """Take states from now on."""
-        self._waiting.clear()
-        self.obstacle, self.is_on = 'no joint state since the start', True
-
-    def end(self) -> None:
-        """Take no more states."""
-        self.is_on = False
-        self._waiting.clear()
-
-    def take(self, state: MeasuredState) -> None:
-        """Keep a state that has an effort, if an estimation is active."""
-        if self.is_on:
-            self.obstacle = state.obstacle
-            if state.effort is not None:
-                self._waiting.append(state)
-
-    def drain(self) -> list[MeasuredState]:
-        """Return the waiting states, oldest first, and remove them."""
-        return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
 
 class _Run:
@@ -138,11 +107,20 @@ class _Run:
 
 
 class PayloadEstimation:
-    """The active estimation, if any; for the thread of the executor."""
+    """
+    The active estimation, if any.
 
-    def __init__(self, node: GuardedCallbacks, samples: PayloadSamples) -> None:
-        """Take states from `samples`."""
-        self._node, self._samples = node, samples
+    The thread of the states calls `keep`, the executor the other methods. A deque is safe for one
+    thread at each end.
+    """
+
+    def __init__(self, node: GuardedCallbacks) -> None:
+        self._node = node
+        self.is_on = False
+        """Whether states are kept for an active estimation."""
+        self._obstacle = ''
+        """Reason why the newest state cannot be used, empty if it can."""
+        self._waiting: deque[MeasuredState] = deque(maxlen=MOST_SAMPLES)
         self._model: Followed | None = None
         self._run: _Run | None = None
         self._ended = NOT_STARTED
@@ -166,8 +144,15 @@ class PayloadEstimation:
         run = _Run(self._model, link)
         self._end(NOT_STARTED)
         self._run = run
-        self._samples.begin()
+        self._obstacle, self.is_on = 'no joint state since the start', True
         self._timer = self._node.create_timer(PERIOD, self._take)
+
+    def keep(self, state: MeasuredState) -> None:
+        """Keep a state that has an effort, if an estimation is active."""
+        if self.is_on:
+            self._obstacle = state.obstacle
+            if state.effort is not None:
+                self._waiting.append(state)
 
     def stop(self) -> None:
         """End the estimation."""
@@ -189,7 +174,7 @@ class PayloadEstimation:
         found = self._run.estimate()
         if found.duration == 0.0:
             raise InvalidInputError('no usable joint states yet: ' + (
-                self._samples.obstacle or (
+                self._obstacle or (
                     f'expected them at most {LONGEST_STEP:g} s apart for 1 s')))
         return found
 
@@ -205,15 +190,16 @@ class PayloadEstimation:
             self._end('the estimation has ended, because the gravity of the base has changed')
             return
         try:
-            run.add(self._samples.drain(), compensates_at_rest(model))
+            run.add([self._waiting.popleft() for _ in range(len(self._waiting))],
+                    compensates_at_rest(model))
         except Exception as error:  # such as a state beyond all bounds
             self._end(f'the estimation has ended: {describe_error(error)}')
 
     def _end(self, reason: str) -> None:
         if self._run is not None or reason == NOT_STARTED:
             self._ended = reason
-        self._run = None
-        self._samples.end()
+        self._run, self.is_on = None, False
+        self._waiting.clear()
         if self._timer is not None:
             self._node.destroy_timer(self._timer)
             self._timer = None
@@ -249,3 +235,45 @@ def estimate_to_ros(estimate: PayloadEstimate, response: EstimatePayload.Respons
         response.payload = payload_to_ros(estimate.payload())
     except InvalidInputError:  # the verdicts and the warnings state the reason
         response.payload = payload_to_ros(None)
+
+
+class PayloadRequest:
+    """
+    Calls `~/set_payload` of `dynamics` from the callback of a service.
+
+    A callback cannot wait for its own executor: a hidden node with another executor calls.
+    """
+
+    def __init__(self, node: Node, dynamics: str) -> None:
+        """`dynamics` is the full name of the node."""
+        self._service = f'{dynamics}/set_payload'
+        self._helper = rclpy.create_node(
+            f'_{node.get_name()}_requests', namespace=node.get_namespace(), context=node.context,
+            use_global_arguments=False, start_parameter_services=False, enable_rosout=False)
+        self._client = self._helper.create_client(SetPayload, self._service)
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(self._helper)
+
+    def apply(self, payload: Payload, transition_time: float) -> SetPayload.Response:
+        """Return the answer; raise InvalidInputError if the payload is not set."""
+        if not self._client.service_is_ready():
+            raise InvalidInputError(
+                f'the payload is not applied: there is no service {self._service}, expected the '
+                'node dynamics to run')
+        request = self._client.call_async(SetPayload.Request(
+            payload=payload_to_ros(payload), transition_time=transition_time))
+        self._executor.spin_until_future_complete(request, ANSWER_TIME)
+        if not request.done():
+            self._client.remove_pending_request(request)
+            raise InvalidInputError(
+                f'the payload may not be applied: {self._service} has not answered in '
+                f'{ANSWER_TIME:g} s')
+        answer = request.result()
+        if not answer.success:
+            raise InvalidInputError(f'the payload is not applied: {answer.message}')
+        return answer
+
+    def close(self) -> None:
+        """Destroy the hidden node."""
+        self._executor.shutdown()
+        self._helper.destroy_node()

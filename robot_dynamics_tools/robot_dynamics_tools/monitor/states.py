@@ -71,22 +71,20 @@ class StateInput:
     def take(self, received: SensedState) -> MeasuredState | None:
         """Return the new state that a message completes, None if there is none."""
         try:
-            return self._taken(received)
+            state = self._assembly.take(received)
+            return None if state is None else self._judged(state)
         except OtherJointsError:
             return None
         except RobotDynamicsError as error:
             self.refuse(error)
-        return None
+            return None
 
     def refuse(self, error: Exception) -> None:
         """Count a joint state that cannot be used."""
         self._last_drop = str(error)
         self._dropped[getattr(error, 'reason', 'invalid')] += 1
 
-    def _taken(self, received: SensedState) -> MeasuredState | None:
-        state = self._assembly.take(received)
-        if state is None:
-            return None
+    def _judged(self, state: SensedState) -> MeasuredState | None:
         self._is_first = False
         q, v = self._reader.read(state)
         signals = self._gate.take(

@@ -97,8 +97,9 @@ class ExternalWrenchEstimator:
 
     def set_dynamics(self, dynamics: ArmDynamics) -> None:
         """Continue with another load of the same arm."""
-        self._dynamics, self._uncertainty = dynamics, dynamics.arm.uncertainty
-        self._deviation: EffortDeviation | None = None
+        uncertainty = dynamics.arm.uncertainty
+        self._viscous, self._uncertainty = dynamics.arm.friction.viscous, uncertainty
+        self._deviation = None if uncertainty is None else EffortDeviation(dynamics, uncertainty)
 
     def restart(self) -> None:
         """Forget the mean effort, after a restart of the observer; the bias remains."""
@@ -147,12 +148,10 @@ class ExternalWrenchEstimator:
         self, q: FloatArray, v: FloatArray, a: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """Return the errors by the parameters (n, k), and the variance of friction (n,)."""
-        if self._uncertainty is None:
+        if self._uncertainty is None or self._deviation is None:
             return np.zeros((len(q), 0)), np.zeros(len(q))
-        if self._deviation is None:
-            self._deviation = EffortDeviation(self._dynamics, self._uncertainty)
         return (self._deviation.errors(q[None], v[None], a[None], smooth=True)[0],
-                self._uncertainty.friction(v, self._dynamics.arm.friction.viscous)**2)
+                self._uncertainty.friction(v, self._viscous)**2)
 
     def _noise(self, dt: float, bandwidth: float) -> FloatArray | float:
         """Return the variance (n,) of the effort noise behind a filter of this bandwidth [Hz]."""

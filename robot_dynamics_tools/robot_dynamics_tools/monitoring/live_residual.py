@@ -23,35 +23,22 @@ NOISE_BANDWIDTH = 0.25 * math.pi * math.sqrt(2.0)
 """Equivalent noise bandwidth of the filter, as a multiple of its cut-off."""
 
 
-class LiveResidual:
+class LiveResidual(StateFilter):
     """Compares the measured effort of an arm with its model, state by state."""
 
     def __init__(self, dynamics: ArmDynamics, bandwidth: float) -> None:
         """Filter at `bandwidth` [Hz] > 0, the cut-off; raise InvalidInputError."""
+        super().__init__(bandwidth, dynamics.arm.is_continuous)
         self._dynamics = dynamics
-        self._filter = StateFilter(bandwidth, dynamics.arm.is_continuous)
-
-    def set_bandwidth(self, bandwidth: float) -> None:
-        """Continue with another cut-off [Hz]."""
-        self._filter.low_pass.set_cutoff(bandwidth)
 
     @property
     def noise_bandwidth(self) -> float:
         """The equivalent noise bandwidth of the filter [Hz]."""
-        return NOISE_BANDWIDTH * self._filter.low_pass.omega / (2.0 * math.pi)
-
-    @property
-    def state(self) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-        """The filtered position, velocity and acceleration, each (n,); None before a state."""
-        return self._filter.state
+        return NOISE_BANDWIDTH * self.low_pass.omega / (2.0 * math.pi)
 
     def set_dynamics(self, dynamics: ArmDynamics) -> None:
         """Continue with another model of the same joints, for example with an attached load."""
         self._dynamics = dynamics
-
-    def restart(self) -> None:
-        """Reset the filter; the next state is a first one."""
-        self._filter.restart()
 
     def update(
         self, dt: float, q: FloatArray, v: FloatArray, effort: FloatArray,
@@ -62,7 +49,7 @@ class LiveResidual:
         `effort` (n,) [N·m] or [N] is measured, on the joint side of the gearbox. Returns None
         until the filter has settled, `LowPass.settling_time` after the first state.
         """
-        measured, state = self._filter.update(dt, q, v, effort), self._filter.state
+        measured, state = super().update(dt, q, v, effort), self.state
         if measured is None or state is None:
             return None
         terms = model_terms(self._dynamics, *(each[None] for each in state))

@@ -23,11 +23,10 @@ from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.simulation.arm_simulation import ArmState, check_released
 from robot_dynamics.simulation.plant import InnerController
-from robot_dynamics.validation import check_vector
+from robot_dynamics.validation import check_unique, check_vector
 
 BRAKE_INERTIA = 1e6
 """[kg·m²] or [kg] of a braked joint: contacts of a braked arm are those of a fixed body."""
-OF_JOINT = 'expected the name of a hinge or slide joint of the MJCF'
 
 
 def load_mjcf(path: str | Path) -> Any:
@@ -124,12 +123,12 @@ class MujocoSimulation:
             joints = [model.joint(i).name for i in driven or movable]
         if not joints:
             raise InvalidInputError('the MJCF has no hinge or slide joint, expected at least one')
+        check_unique('mjcf_joints', joints)
         for k, name in enumerate(joints):
             if not name or name not in by_name:
                 raise InvalidInputError(
-                    f'mjcf_joints[{k}] is {name!r}, {OF_JOINT}: {list(by_name)}')
-            if name in joints[:k]:
-                raise InvalidInputError(f'mjcf_joints[{k}] is {name!r} again, {OF_JOINT} once')
+                    f'mjcf_joints[{k}] is {name!r}, expected the name of a hinge or slide joint '
+                    f'of the MJCF: {list(by_name)}')
         return np.array([by_name[name] for name in joints])
 
     def _actuators_of(self, joints: IntArray | int) -> IntArray:

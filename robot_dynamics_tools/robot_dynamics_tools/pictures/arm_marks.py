@@ -38,13 +38,6 @@ class JointPlace(NamedTuple):
     slides: bool
 
 
-class Ball(NamedTuple):
-    """A payload: the ball of its mass about its centre of mass (3,); radius [m]."""
-
-    centre: FloatArray
-    radius: float
-
-
 class ArmMarks:
     """The marks of one arm with its loads. Not for two threads at a time."""
 
@@ -102,14 +95,19 @@ class ArmMarks:
         squares, U = np.linalg.eigh(J @ J.T)
         return np.sqrt(np.maximum(squares, 0.0)), U * [1.0, 1.0, np.linalg.det(U)]
 
-    def payloads(self) -> list[Ball]:
-        """Return the loads."""
+    def payloads(self) -> list[tuple[FloatArray, float]]:
+        """Return the centre of mass (3,) of each load, and the radius [m] of its ball."""
         balls = []
         for load in self._arm.payloads:
             frame = self._arm.pinocchio_model.getFrameId(load.link, pin.FrameType.BODY)
-            radius = (0.75 * load.mass / (math.pi * _PAYLOAD_DENSITY)) ** (1.0 / 3.0)
-            balls.append(Ball(np.array(self._data.oMf[frame].act(load.com)), radius))
+            centre = np.array(self._data.oMf[frame].act(load.com))
+            balls.append((centre, ball_radius(load.mass)))
         return balls
+
+
+def ball_radius(mass: float) -> float:
+    """Return the radius [m] of the ball that represents a payload [kg]."""
+    return float((0.75 * mass / (math.pi * _PAYLOAD_DENSITY)) ** (1.0 / 3.0))
 
 
 def effort_scale(effort: FloatArray, limit: FloatArray) -> FloatArray:

@@ -3,6 +3,8 @@
 
 """An arm as a line from joint to joint, seen from the side."""
 
+from collections.abc import Collection
+
 import numpy as np
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
@@ -12,15 +14,16 @@ _SAME = 1e-6
 """[m]"""
 
 
-def tool_link(arm: ArmModel) -> str:
-    """Return the link with the most joints between it and the base; of several, the last."""
-    model = arm.pinocchio_model
+def tool_link(arm: ArmModel, without: Collection[int] = ()) -> str:
+    """
+    Return the link with the most joints between it and the base; of several, the last.
 
-    def depth(link: str) -> int:
-        return len(model.supports[arm.link_frame(link).parentJoint])
-
-    deepest = max(depth(link) for link in arm.link_names)
-    return [link for link in arm.link_names if depth(link) == deepest][-1]
+    Links on the joints `without` (numbers of Pinocchio) do not count.
+    """
+    parents = {link: arm.link_frame(link).parentJoint for link in arm.link_names}
+    depths = {link: len(arm.pinocchio_model.supports[joint])
+              for link, joint in parents.items() if joint not in without}
+    return [link for link, depth in depths.items() if depth == max(depths.values())][-1]
 
 
 class StickFigure:
@@ -49,6 +52,13 @@ class StickFigure:
             pin.forwardKinematics(model, data, row)
             point[:] = pin.updateFramePlacement(model, data, self._link).translation
         return points
+
+
+def side_lines(arm: ArmModel, q: FloatArray) -> FloatArray:
+    """Return the lines (m, k, 2) [m] of an arm at q (m, n), from joint 1, as `side_view` sees."""
+    figure = StickFigure(arm, tool_link(arm))
+    lines = np.array([figure.points(one) for one in q])
+    return np.asarray((lines - lines[:, :1]) @ side_view(arm, lines).T)
 
 
 def side_view(arm: ArmModel, points: FloatArray) -> FloatArray:

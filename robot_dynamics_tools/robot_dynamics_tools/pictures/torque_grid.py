@@ -4,10 +4,7 @@
 """
 Efforts and inertias of an arm over the positions of two of its joints, with the others fixed.
 
-All positions of a grid are computed in a few batches of inverse dynamics, and so is the diagonal
-of the mass matrix: M_ii is the contribution of the unit acceleration of joint i to its own effort
-(M. W. Walker and D. E. Orin, *Efficient dynamic computer simulation of robotic mechanisms*,
-J. Dyn. Sys., Meas., Control 104, 1982, method 1).
+The efforts at all positions of a grid are computed in a few batches of inverse dynamics.
 """
 
 from collections.abc import Sequence
@@ -76,8 +73,7 @@ def joint_index(arm: ArmModel, field: str, name: str) -> int:
 
 def gravity_efforts(arm: ArmModel, grid: PositionGrid) -> FloatArray:
     """Return g(q) over the grid, (l, k, n) [N·m] or [N]."""
-    zero = np.zeros(arm.joint_count)
-    return _inverse_dynamics(RigidBody(arm), grid, zero, zero)
+    return rigid_body_efforts(RigidBody(arm), grid, *np.zeros((2, arm.joint_count)))
 
 
 def motion_efforts(
@@ -99,18 +95,17 @@ def rigid_body_efforts(
 ) -> FloatArray:
     """Return M(q) a + C(q, v) v, plus a share of g(q), over the grid, (l, k, n) [N·m] or [N]."""
     zero = np.zeros_like(v)
-    return _inverse_dynamics(body, grid, v, a) - (1.0 - gravity) * _inverse_dynamics(
+    efforts = _inverse_dynamics(body, grid, v, a)
+    return efforts if gravity == 1.0 else efforts - (1.0 - gravity) * _inverse_dynamics(
         body, grid, zero, zero)
 
 
 def inertia_diagonal(arm: ArmModel, grid: PositionGrid) -> FloatArray:
     """Return M_ii(q) over the grid, (l, k, n) [kg·m²], at prismatic joints [kg]."""
-    body, n = RigidBody(arm), arm.joint_count
-    zero = np.zeros(n)
-    gravity = _inverse_dynamics(body, grid, zero, zero)
-    columns = [
-        _inverse_dynamics(body, grid, zero, unit)[..., i] for i, unit in enumerate(np.eye(n))]
-    return np.asarray(np.stack(columns, axis=-1) - gravity)
+    body, shape = RigidBody(arm), grid.positions.shape
+    return np.array([
+        body.mass_matrix(q).diagonal() for q in grid.positions.reshape(-1, shape[2])]).reshape(
+            shape)
 
 
 def _chosen(arm: ArmModel, joints: Sequence[str]) -> tuple[int, int]:

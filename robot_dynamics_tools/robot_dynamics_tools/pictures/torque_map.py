@@ -7,12 +7,14 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.validation import is_empty
 from robot_dynamics_tools.pictures.planar_view import PlanarView
-from robot_dynamics_tools.pictures.stick_figure import side_view, StickFigure, tool_link
+from robot_dynamics_tools.pictures.stick_figure import side_lines
 from robot_dynamics_tools.pictures.torque_grid import PositionGrid
 from robot_dynamics_tools.reporting import figures
 
@@ -44,17 +46,16 @@ class MapPanel(NamedTuple):
 
 def map_figure(
     title: str, arm: ArmModel, grid: PositionGrid, panels: Sequence[MapPanel],
-    poses: FloatArray | None = None,
+    poses: npt.ArrayLike = (),
 ) -> Any:
     """
     Return a matplotlib figure with the panels next to one another.
 
-    `poses` (m, 2) are positions of the grid's joints at which the arm is drawn, by default an even
+    `poses` (m, 2) are positions of the grid's joints at which the arm is drawn, if empty an even
     choice. If some panels vary, the constant ones become a line of text. Raises
     MissingDependencyError without matplotlib.
     """
-    if poses is None:
-        poses = even_poses(grid, POSES)
+    drawn = even_poses(grid) if is_empty(poses) else np.asarray(poses, dtype=np.float64)
     notes = [f'{panel.title}: {panel.values.flat[0]:.4g} {panel.unit} at all positions'
              for panel in panels if not _varies(panel)]
     if len(notes) < len(panels):
@@ -74,7 +75,7 @@ def map_figure(
         for one, panel in zip(axes, panels):
             _draw_map(figure, one, grid, panel)
             label_axes(one, arm, grid)
-            _draw_poses(one, arm, grid, poses)
+            _draw_poses(one, arm, grid, drawn)
         if notes:
             figure.supxlabel('\n'.join(notes), fontsize=10)
     return figure
@@ -84,9 +85,9 @@ def _varies(panel: MapPanel) -> bool:
     return bool(np.ptp(panel.values) > 1e-6 * max(float(np.abs(panel.values).max()), 1e-9))
 
 
-def even_poses(grid: PositionGrid, count: int) -> FloatArray:
-    """Return count × count points in the middle of as many equal fields of the grid, (m, 2)."""
-    fraction = (np.arange(count) + 0.5) / count
+def even_poses(grid: PositionGrid) -> FloatArray:
+    """Return POSES × POSES points in the middle of as many equal fields of the grid, (m, 2)."""
+    fraction = (np.arange(POSES) + 0.5) / POSES
     x = grid.x[0] + fraction * (grid.x[-1] - grid.x[0])
     y = grid.y[0] + fraction * (grid.y[-1] - grid.y[0])
     return np.array([(one, other) for other in y for one in x]).reshape(-1, 2)
@@ -140,23 +141,15 @@ def label_axes(axes: Any, arm: ArmModel, grid: PositionGrid) -> None:
 
 def _draw_poses(axes: Any, arm: ArmModel, grid: PositionGrid, poses: FloatArray) -> None:
     """Draw the arm at points of the grid: its base is at the point, up is up."""
-    if not len(poses):
-        return
-    figure = StickFigure(arm, tool_link(arm))
-    base = grid.positions[0, 0]
-    lines = []
-    for pose in poses:
-        q = base.copy()
-        q[list(grid.joints)] = pose
-        lines.append(figure.points(q))
-    view = side_view(arm, np.array(lines))
-    flat = [(points - points[0]) @ view.T for points in lines]
-    reach = max(float(np.linalg.norm(points, axis=1).max()) for points in flat)
+    q = np.tile(grid.positions[0, 0], (len(poses), 1))
+    q[:, grid.joints] = poses
+    lines = side_lines(arm, q)
+    reach = float(np.linalg.norm(lines, axis=2).max())
     if reach == 0.0:
         return
     each = 0.5 * _POSE_SIZE / max(round(len(poses) ** 0.5), POSES - 1)
     scale = each / reach * np.array([np.ptp(grid.x), np.ptp(grid.y)])
-    for pose, points in zip(poses, flat):
+    for pose, points in zip(poses, lines):
         figures.draw_arm(axes, pose + scale * points)
         axes.plot(*pose, 's', color=figures.BLACK, markerfacecolor='white', markersize=5.0)
 

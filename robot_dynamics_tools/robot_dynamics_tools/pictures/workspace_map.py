@@ -134,7 +134,8 @@ def workspace_figure(title: str, arm: ArmModel, link: str, found: WorkspaceGravi
             bar.ax.axhline(_PERCENT, color=figures.VERMILION, linewidth=2.6)
         if found.is_plane:
             q = worst.position[int(np.argmax(worst.effort / arm.limits.effort))]
-            _draw_pose(most, arm, link, q)
+            points = StickFigure(arm, link).points(q)
+            figures.draw_arm(most, points @ side_view(arm, points).T, 2.2)
         _draw_joints(joints, arm, worst.effort)
     return figure
 
@@ -183,11 +184,6 @@ def smoothed(cells: FloatArray) -> tuple[FloatArray, FloatArray]:
     reached = blurred(known.astype(float))
     values = blurred(np.where(known, cells, 0.0))
     return values / np.maximum(reached, 1e-12), reached
-
-
-def _draw_pose(axes: Any, arm: ArmModel, link: str, q: FloatArray) -> None:
-    points = StickFigure(arm, link).points(q)
-    figures.draw_arm(axes, points @ side_view(arm, points).T, 2.2)
 
 
 def _draw_joints(axes: Any, arm: ArmModel, efforts: FloatArray) -> None:

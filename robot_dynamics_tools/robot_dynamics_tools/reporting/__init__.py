@@ -2,7 +2,3 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """Presentation of results: figures in one style, text tables, figures with zoom, and progress."""
-
-from robot_dynamics_tools.reporting.figures import joint_figure, save_figure
-
-__all__ = ['joint_figure', 'save_figure']

@@ -7,9 +7,7 @@ Actions of the controls of the viewer: references, pushes, loads, a reset.
 They are messages to the nodes.
 """
 
-import math
 import time
-from typing import NamedTuple
 
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
@@ -19,6 +17,7 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.ros.middleware.conversions import payload_to_ros, trajectory_to_ros
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics_tools.excitation.demo_motion import rest_to_rest_seconds
+from robot_dynamics_tools.pictures.arm_marks import ball_radius
 from robot_dynamics_tools.viewer.node import ViewerNode
 from robot_dynamics_tools.viewer.panel import ArmPanel
 from robot_dynamics_tools.viewer.scene import ArmScene
@@ -28,8 +27,6 @@ SEND_PERIOD = 0.1
 """[s] between two references while a slider is moved."""
 LOAD_TIME = 0.5
 """Transition time [s] of a load: the arm hardly moves if one node gets it later."""
-DENSITY = 2000.0
-"""Density [kg/m^3] of the ball that represents a load."""
 RISE_TIME = 0.25
 """Shortest time [s] in which a joint reaches its speed."""
 UNLIMITED_SPEED = {'prismatic': 0.25}
@@ -40,28 +37,20 @@ _STOPPING = 4.0
 """The acceleration of a quintic from a velocity v to rest at the same place in T is ≈ 4 v / T."""
 
 
-class Shown(NamedTuple):
-    """An arm on the page."""
+class ArmPage:
+    """
+    An arm on the page, which performs the actions of its panel in each cycle.
 
-    xml: str
-    arm: ArmModel
-    scene: ArmScene
-    panel: ArmPanel
+    `close` ends active actions, and removes the arm.
+    """
 
-
-class _Push(NamedTuple):
-    force: FloatArray
-    link: str
-    until: float
-
-
-class PageActions:
-    """Performs the actions of the panel of one arm in each cycle; `close` ends active actions."""
-
-    def __init__(self, node: ViewerNode, shown: Shown) -> None:
-        self._node, self._shown = node, shown
+    def __init__(
+        self, node: ViewerNode, xml: str, arm: ArmModel, scene: ArmScene, panel: ArmPanel,
+    ) -> None:
+        self._node, self.xml, self.arm, self.scene, self.panel = node, xml, arm, scene, panel
         self._sender = f'viewer-{id(self):x}'
-        self._push: _Push | None = None
+        self._push: tuple[FloatArray, str, float] | None = None
+        """Force (3,) [N] in the base frame on a link, until a time [s]."""
         self._q: FloatArray | None = None
         self.is_wished = False
         """Whether a slider was moved and the reference for it is not published yet."""
@@ -71,9 +60,9 @@ class PageActions:
         """Time [s] of the last published reference on the monotonic clock."""
         self.answer = ''
         """Text about the result of the newest action."""
-        shown.panel.on = {
+        panel.on = {
             'reference': self._wish, 'hold': self._hold, 'push': self._begin_push,
-            'reset': self._reset, 'attach': lambda: self._set_load(shown.panel.load[0]),
+            'reset': self._reset, 'attach': lambda: self._set_load(panel.load[0]),
             'detach': lambda: self._set_load(0.0)}
 
     def turn(self, q: FloatArray | None, v: FloatArray | None) -> None:
@@ -82,12 +71,21 @@ class PageActions:
         if self.is_wished and now - self.sent_time >= SEND_PERIOD:
             self._send_reference(q, v)
         if self._push is not None:
-            self._go_on_pushing(self._push, now)
+            force, link, until = self._push
+            if now < until:
+                self._node.push(force_on(link, force, self.scene.rotation(link)))
+            else:
+                self._end_push()
 
     def close(self) -> None:
-        """End all actions on the arm."""
+        """End all actions on the arm, and remove it from the page."""
+        self._end_push()
+        self.scene.close()
+        self.panel.close()
+
+    def _end_push(self) -> None:
         if self._push is not None:
-            self._node.push(force_on(self._push.link, np.zeros(3), np.eye(3)))
+            self._node.push(force_on(self._push[1], np.zeros(3), np.eye(3)))
             self._push = None
 
     # ------------------------------------------------------------------ references
@@ -101,18 +99,17 @@ class PageActions:
 
     def _hold(self) -> None:
         if self._q is not None:
-            self._shown.panel.follow(self._q)
+            self.panel.follow(self._q)
         self._wish()
 
     def _send_reference(self, q: FloatArray | None, v: FloatArray | None) -> None:
         self.is_wished = False
-        arm, panel = self._shown.arm, self._shown.panel
-        goal = panel.take_goal()
+        goal = self.panel.take_goal()
         if q is None:
             self.answer = 'no joint states: the start of the reference is unknown'
             return
-        seconds = motion_time(arm, q, goal, panel.speed, v)
-        self._node.send_trajectory(reference_to(arm, goal, seconds, self._sender))
+        seconds = motion_time(self.arm, q, goal, self.panel.speed, v)
+        self._node.send_trajectory(reference_to(self.arm, goal, seconds, self._sender))
         self.sent_time, self.is_own = time.monotonic(), True
         self.answer = f'reference sent: {seconds:.1f} s'
 
@@ -122,25 +119,19 @@ class PageActions:
         if not self._node.has_simulated_arm:
             self.answer = f'node {self._node.simulated_arm} not found; push a real arm by hand'
             return
-        force, link, seconds = self._shown.panel.push
-        self.close()
-        self._push = _Push(force, link, time.monotonic() + seconds)
-
-    def _go_on_pushing(self, push: _Push, now: float) -> None:
-        if now >= push.until:
-            self.close()
-            return
-        self._node.push(force_on(push.link, push.force, self._shown.scene.rotation(push.link)))
+        force, link, seconds = self.panel.push
+        self._end_push()
+        self._push = force, link, time.monotonic() + seconds
 
     def _reset(self) -> None:
-        self.close()
+        self._end_push()
         self.is_own = self.is_wished = False
         self._node.reset_simulated_arm(self._take_answer)
 
     # ------------------------------------------------------------------ loads
 
     def _set_load(self, mass: float) -> None:
-        panel, node = self._shown.panel, self._node
+        panel, node = self.panel, self._node
         for is_for, name in zip(panel.load_is_for, (node.dynamics, node.simulated_arm)):
             if is_for:
                 node.set_payload(name, ball(panel.load[1], mass), LOAD_TIME, self._take_answer)
@@ -183,9 +174,8 @@ def reference_to(arm: ArmModel, goal: FloatArray, seconds: float, sender: str) -
 
 def ball(link: str, mass: float) -> InertiaStamped:
     """Return the load of a ball [kg] at the origin of a link; mass 0 removes the load."""
-    radius = (0.75 * mass / (math.pi * DENSITY)) ** (1.0 / 3.0)
     message = payload_to_ros(make_payload(
-        link, mass, (0.0, 0.0, 0.0), 0.4 * mass * radius**2 * np.eye(3)))
+        link, mass, (0.0, 0.0, 0.0), 0.4 * mass * ball_radius(mass)**2 * np.eye(3)))
     message.header.frame_id = link
     return message
 

@@ -8,26 +8,32 @@ One thread does all of this, once per PERIOD. The threads of the page only put r
 queue.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 import math
 from pathlib import Path
 import queue
 import time
-from types import SimpleNamespace
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
+from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics_tools.recordings.sample_faults import counted
-from robot_dynamics_tools.viewer.actions import PageActions, Shown
-from robot_dynamics_tools.viewer.node import drive_words, ViewerNode, worst_words
+from robot_dynamics_tools.viewer.actions import ArmPage
+from robot_dynamics_tools.viewer.node import (
+    ArmSource,
+    Description,
+    drive_words,
+    ViewerNode,
+    worst_words,
+)
 from robot_dynamics_tools.viewer.panel import ArmPanel
+from robot_dynamics_tools.viewer.plots import TERMS
 from robot_dynamics_tools.viewer.scene import ArmScene
-from robot_dynamics_tools.viewer.source import ArmSource, Description
 from robot_dynamics_tools.viewer.views import Cameras
 from sensor_msgs.msg import JointState
 
@@ -64,19 +70,16 @@ class Viewer:
         # (SimpleQueue.get would wait indefinitely after a signal at the end of its timeout)
         self._asked: queue.Queue[Callable[[], None]] = queue.Queue()
         self._words = server.gui.add_html(text_box(['Waiting for an arm …']))
-        self._shown: Shown | None = None
-        self._actions: PageActions | None = None
+        self._page: ArmPage | None = None
         self._arm_problem = self._state_problem = ''
         self._q: FloatArray | None = None
         self._v: FloatArray | None = None
-        self._state_time = self._reference_time = -SILENCE
-        self._plot_time = -SILENCE
+        self._state_time = self._plot_time = -SILENCE
         self._newest_stamp = self._marks_stamp = 0.0
-        self._load = self._drive = ''
-        self._diagnosed = time.monotonic()
         self._efforts: dict[str, dict[str, float]] = {'command': {}, 'state': {}}
-        self._effort_times = dict.fromkeys(self._efforts, -SILENCE)
-        self._warnings: list[str] = []
+        self._newest: dict[str, Any] = {}
+        """Newest message of each topic, and the time [s] of its arrival, by field."""
+        self._times = {'diagnostics': time.monotonic()}
         self._source = ArmSource(node, robot)
         self._mesh_paths = mesh_paths
 
@@ -101,9 +104,9 @@ class Viewer:
                 self._arm_problem = str(error)
 
     def close(self) -> None:
-        """End all actions on the arm."""
-        if self._actions is not None:
-            self._actions.close()
+        """End all actions on the arm, and remove it."""
+        if self._page is not None:
+            self._page.close()
 
     # ------------------------------------------------------------------ the arm
 
@@ -116,79 +119,70 @@ class Viewer:
             self._arm_problem = str(error)
             return
         self._arm_problem = ''
-        if self._shown is not None:
-            if (xml, arm.joint_names) == (self._shown.xml, self._shown.arm.joint_names):
-                return
-            self.close()
-            self._shown.scene.close()
-            self._shown.panel.close()
+        if self._page is not None and (
+                (xml, arm.joint_names) == (self._page.xml, self._page.arm.joint_names)):
+            return
+        self.close()
         self._words.content = text_box([f'Drawing {arm.name} …'])
         scene = ArmScene(self._server, arm, xml, directory, self._mesh_paths)
         panel = ArmPanel(self._server.gui, arm, self._asked.put)
-        self._shown, self._q, self._state_problem = Shown(xml, arm, scene, panel), None, ''
-        self._actions = PageActions(self._node, self._shown)
+        self._page = ArmPage(self._node, xml, arm, scene, panel)
+        self._q, self._state_problem = None, ''
         scene.move(np.clip(np.zeros(arm.joint_count), arm.limits.lower, arm.limits.upper))
         self._cameras.restart(scene.extent())
 
     # ------------------------------------------------------------------ what is received
 
-    def _take(self, received: SimpleNamespace) -> None:
-        now = time.monotonic()
-        if received.description is not None:
-            self._source.take_topic(received.description.data)
-        if received.diagnostics is not None:
-            self._warnings, self._diagnosed = worst_words(received.diagnostics), now
-            self._drive = drive_words(received.diagnostics)
+    def _take(self, new: Mapping[str, Any]) -> None:
+        self._newest.update(new)
+        self._times.update(dict.fromkeys(new, time.monotonic()))
+        if 'description' in new:
+            self._source.take_topic(new['description'].data)
         for field, values in self._efforts.items():
-            if (message := getattr(received, field)) is not None:
-                values.update(zip(message.name, message.effort))
-                self._effort_times[field] = now
-            elif now - self._effort_times[field] > SILENCE:
+            if field in new:
+                values.update(zip(new[field].name, new[field].effort))
+            elif self._age(field) > SILENCE:
                 values.clear()
-        if received.payload is not None:
-            inertia, link = received.payload.inertia, received.payload.header.frame_id
-            self._load = f'{inertia.m:.3g} kg on {link}' if inertia.m > 0.0 else ''
-        if received.trajectory is not None and self._actions is not None:
-            self._actions.receive(received.trajectory)
-        if received.reference is not None:
-            self._reference_time = now
-        shown = self._shown
-        if shown is None:
+        page = self._page
+        if page is None:
             return
-        if received.state is not None:
-            self._take_state(shown, received.state)
-        if received.markers is not None:
-            self._marks_stamp = max((1e-9 * stamp_from_ros(one.header.stamp)
-                                     for one in received.markers.markers), default=0.0)
-            shown.scene.mark(received.markers.markers)
+        if 'trajectory' in new:
+            page.receive(new['trajectory'])
+        if 'state' in new:
+            self._take_state(page, new['state'])
+        if 'markers' in new:
+            markers = new['markers'].markers
+            self._marks_stamp = max(map(seconds_of, markers), default=0.0)
+            page.scene.mark(markers)
         elif self._newest_stamp - self._marks_stamp > SILENCE:  # the arm moves on without marks
-            shown.scene.mark(())
-        self._plot(shown, received)
+            page.scene.mark(())
+        self._plot(page, new)
 
-    def _take_state(self, shown: Shown, state: JointState) -> None:
-        q = values_of(shown.arm, state)
+    def _age(self, field: str) -> float:
+        """Return the time [s] since the newest message of a topic."""
+        return time.monotonic() - self._times.get(field, -math.inf)
+
+    def _take_state(self, page: ArmPage, state: JointState) -> None:
+        q = values_of(page.arm, state)
         if q is None:
-            self._state_problem = lacking(shown.arm, state)
+            self._state_problem = lacking(page.arm, state)
             return
         self._q, self._state_problem, self._state_time = q, '', time.monotonic()
-        self._v = values_of(shown.arm, state, 'velocity')
-        shown.scene.move(q)
+        self._v = values_of(page.arm, state, 'velocity')
+        page.scene.move(q)
 
-    def _plot(self, shown: Shown, received: SimpleNamespace) -> None:
-        arm, panel = shown.arm, shown.panel
-        for message in (received.state, received.terms):
+    def _plot(self, page: ArmPage, new: Mapping[str, Any]) -> None:
+        arm, panel = page.arm, page.panel
+        state, terms, reference = map(new.get, ('state', 'terms', 'reference'))
+        for message in (state, terms):
             if message is not None:
-                self._newest_stamp = 1e-9 * stamp_from_ros(message.header.stamp)
+                self._newest_stamp = seconds_of(message)
         name = arm.joint_names[panel.shown_joint]
-        terms, reference, state = received.terms, received.reference, received.state
         if terms is not None and name in terms.joint_names:
             i = list(terms.joint_names).index(name)
-            panel.plot_terms(1e-9 * stamp_from_ros(terms.header.stamp), {
-                term: getattr(terms, term)[i] for term in (
-                    'effort', 'gravity', 'inertial', 'coriolis', 'friction', 'external')})
+            panel.plots[0].add(seconds_of(terms), [getattr(terms, term)[i] for term in TERMS])
         if reference is not None and state is not None and self._q is not None:
-            lag = 1e-9 * (stamp_from_ros(state.header.stamp)
-                          - stamp_from_ros(reference.header.stamp))
+            lag = seconds_of(state) - seconds_of(reference)
             wanted = values_of(arm, reference)
             speed = values_of(arm, reference, 'velocity')
             if abs(lag) <= LARGEST_LAG and wanted is not None and speed is not None:
@@ -196,7 +190,7 @@ class Viewer:
                 error = float(wanted[i] + lag * speed[i] - self._q[i])
                 if arm.joint_kinds[i] == 'continuous':
                     error = math.remainder(error, 2.0 * math.pi)
-                panel.plot_error(1e-9 * stamp_from_ros(state.header.stamp), error)
+                panel.plots[1].add(seconds_of(state), [1e3 * error])
 
     # ------------------------------------------------------------------ one cycle
 
@@ -205,55 +199,57 @@ class Viewer:
         description = self._source.news()
         if description is not None:
             self._use(description)
-        shown, actions = self._shown, self._actions
-        if shown is None or actions is None:
+        page = self._page
+        if page is None:
             self._say(['no arm yet'])
             return
-        actions.turn(self._q, self._v)
+        page.turn(self._q, self._v)
         if now - self._plot_time < PLOT_PERIOD:
             return
         self._plot_time = now
-        shown.panel.show_plots(self._newest_stamp)
-        shown.panel.show_efforts(self._efforts['command'], self._efforts['state'])
+        for plot in page.panel.plots:
+            plot.show(self._newest_stamp)
+        page.panel.show_efforts(self._efforts['command'], self._efforts['state'])
         if self._q is not None or not self._node.has_states:
-            self._cameras.show(shown.scene.extent())
-        lasts = now - max(self._reference_time, actions.sent_time) < SILENCE
-        if self._q is not None and not (actions.is_own and lasts) and not actions.is_wished:
-            shown.panel.follow(self._q)
-        joints = counted(shown.arm.joint_count, 'joint')
-        self._say([f'{shown.arm.name}, {joints}'], actions.answer)
+            self._cameras.show(page.scene.extent())
+        lasts = min(self._age('reference'), now - page.sent_time) < SILENCE
+        if self._q is not None and not (page.is_own and lasts) and not page.is_wished:
+            page.panel.follow(self._q)
+        joints = counted(page.arm.joint_count, 'joint')
+        self._say([f'{page.arm.name}, {joints}'], page.answer)
 
     def _say(self, lines: list[str], answer: str = '') -> None:
-        now, node = time.monotonic(), self._node
-        if now - self._state_time > SILENCE:
+        node = self._node
+        if time.monotonic() - self._state_time > SILENCE:
             lines.append('no joint states' + (
                 ' received' if node.has_states else ': joint_states has no publisher'))
-        silent = now - self._diagnosed
+        silent = self._age('diagnostics')
         if node.has_dynamics and silent > SLOW:
             lines.append(f'⚠ {node.dynamics} has sent no diagnostics for {silent:.0f} s')
         if silent > SLOW or not node.has_dynamics:
-            self._warnings, self._drive = [], ''
+            self._newest.pop('diagnostics', None)
         if not node.has_dynamics:
-            self._load = ''
+            self._newest.pop('payload', None)
             lines.append(
                 f'no node {node.dynamics}: start it with `ros2 run robot_dynamics dynamics_node`')
-        elif now - self._reference_time < SILENCE:
-            lines.append('follows a reference')
         else:
-            lines.append('follows no reference')
-        if node.has_dynamics and not node.has_monitor:
-            lines.append(f'no node {node.monitor}, which draws efforts: start it with `ros2 run '
-                         'robot_dynamics_tools dynamics_monitor`')
-        if self._drive:
-            lines.append(self._drive)
-        if self._load:
-            lines.append(f'payload of the controller: {self._load}')
-        if self._shown is not None and self._shown.scene.missing:
-            missing = self._shown.scene.missing
+            follows = self._age('reference') < SILENCE
+            lines.append(f'follows {"a" if follows else "no"} reference')
+            if not node.has_monitor:
+                lines.append(f'no node {node.monitor}, which draws efforts: start it with `ros2 '
+                             'run robot_dynamics_tools dynamics_monitor`')
+        statuses = self._newest.get('diagnostics', DiagnosticArray())
+        lines += drive_words(statuses)
+        payload = self._newest.get('payload')
+        if payload is not None and payload.inertia.m > 0.0:
+            lines.append(f'payload of the controller: {payload.inertia.m:.3g} kg on '
+                         f'{payload.header.frame_id}')
+        missing = [] if self._page is None else self._page.scene.missing
+        if missing:
             count = '1 mesh is' if len(missing) == 1 else f'{len(missing)} meshes are'
             lines.append(f'{count} not drawn; the first one: {missing[0]}')
         lines += [f'⚠ {words}' for words in (
-            *self._warnings, self._source.problem, self._arm_problem, self._state_problem)
+            *worst_words(statuses), self._source.problem, self._arm_problem, self._state_problem)
             if words]
         if answer:
             lines.append(answer)
@@ -266,6 +262,11 @@ def text_box(lines: Sequence[str]) -> str:
     """Return HTML of these lines, as a list whose height does not depend on them."""
     items = ''.join(f'<div>{escape(line, quote=False)}</div>' for line in lines)
     return f'<div style="{TEXT_STYLE}">{items}</div>'
+
+
+def seconds_of(message: Any) -> float:
+    """Return the stamp of a message [s]."""
+    return 1e-9 * stamp_from_ros(message.header.stamp)
 
 
 def values_of(arm: ArmModel, message: JointState, field: str = 'position') -> FloatArray | None:

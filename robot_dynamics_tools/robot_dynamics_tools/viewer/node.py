@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The topics and services of the viewer: the newest message per topic, and asynchronous requests.
+The topics and services of the viewer: newest messages, asynchronous requests, and the arm.
 
 All callbacks run in the thread that calls `receive`. Topics are read a few times per second, and
 only their newest message is kept, so that the load does not depend on the rate of the states.
 """
 
 from collections.abc import Callable
-from types import SimpleNamespace
-from typing import Any
+from pathlib import Path
+import time
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
@@ -19,6 +20,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.urdf.description_file import description_path, read_description
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from robot_dynamics_interfaces.srv import SetPayload
 from sensor_msgs.msg import JointState
@@ -32,6 +36,8 @@ NEWEST_STATE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 MOST_TURNS = 40
 """Messages and responses that are taken in one call."""
+ASK_PERIOD = 1.0
+"""[s] between two requests for the arm."""
 DESCRIBING = ('robot_description', 'robot_description_file', 'joints')
 
 
@@ -57,8 +63,7 @@ class ViewerNode:
             ('description', String, 'robot_description', LATCHED))
         for field, kind, topic, qos in topics:
             node.create_subscription(kind, topic, self._keep(field), qos)
-        self._nothing = dict.fromkeys(topic[0] for topic in topics)
-        self._received = SimpleNamespace(**self._nothing)
+        self._received: dict[str, Any] = {}
         self._trajectory = node.create_publisher(
             JointTrajectory, f'{dynamics}/joint_trajectory', NEWEST)
         self._wrench = node.create_publisher(
@@ -77,15 +82,15 @@ class ViewerNode:
             if field == 'diagnostics' and not any(status.name.startswith(
                     f'{service.rpartition("/")[0]}: ') for status in message.status):
                 return  # from another node
-            setattr(self._received, field, message)
+            self._received[field] = message
 
         return keep
 
-    def receive(self) -> SimpleNamespace:
+    def receive(self) -> dict[str, Any]:
         """
-        Return the newest message of each topic since the last call, None without a message.
+        Return the newest message of each topic with a message since the last call.
 
-        The attributes are `state`, `command`, `terms`, `reference`, `markers`, `trajectory`,
+        The keys are `state`, `command`, `terms`, `reference`, `markers`, `trajectory`,
         `payload`, `diagnostics` and `description`. Passes on the responses of services, too.
         """
         for _ in range(MOST_TURNS):
@@ -93,7 +98,7 @@ class ViewerNode:
             self._executor.spin_once(timeout_sec=0.0)
             if not self._turned:
                 break
-        received, self._received = self._received, SimpleNamespace(**self._nothing)
+        received, self._received = self._received, {}
         return received
 
     def close(self) -> None:
@@ -165,6 +170,73 @@ class ViewerNode:
         self._wrench.publish(message)
 
 
+class Description(NamedTuple):
+    """A URDF, the directory of its file (None: from a topic), and the actuated joints."""
+
+    xml: str
+    directory: Path | None
+    joints: tuple[str, ...]
+
+
+class ArmSource:
+    """Finds the arm, and detects a new one."""
+
+    def __init__(self, node: ViewerNode, robot: str | None) -> None:
+        """`robot` is the file of a URDF, or None; raise ModelError if it is unreadable."""
+        self._node, self._robot = node, robot
+        self._described: dict[str, Any] | None = None
+        self._topic_xml = ''
+        self._asked_time = -ASK_PERIOD
+        self._last: Description | None = None
+        self._found = None if robot is None else _of_file(robot, '--robot')
+        self.problem = ''
+        """Reason why the arm of `dynamics` cannot be shown."""
+
+    def take_topic(self, xml: str) -> None:
+        """Store a URDF from the topic robot_description."""
+        self._topic_xml = xml
+        if self._described is not None:
+            self._take(self._described)
+
+    def news(self) -> Description | None:
+        """Return the arm if it is a new one, else None; request it from `dynamics`."""
+        if not self._node.has_dynamics:
+            self._described, self.problem = None, ''  # the node may restart with another arm
+            if self._topic_xml and self._robot is None:
+                self._found = Description(self._topic_xml, None, ())
+        elif self._described is None and time.monotonic() - self._asked_time >= ASK_PERIOD:
+            self._asked_time = time.monotonic()
+            self._node.ask_description(self._take)
+        if self._found == self._last:
+            return None
+        self._last = self._found
+        return self._found
+
+    def _take(self, described: dict[str, Any]) -> None:
+        """Store the arm from the parameters of `dynamics`."""
+        self._described, self.problem = described, ''
+        xml, file, joints = (described.get(name) for name in DESCRIBING)
+        joints = tuple(joints or ())
+        if self._found is not None and self._robot is not None:
+            self._found = self._found._replace(joints=joints)
+            return
+        if file:
+            try:
+                self._found = _of_file(file, 'robot_description_file', joints)
+                return
+            except RobotDynamicsError as error:  # a file on another computer
+                if not self._topic_xml:
+                    self.problem = (
+                        f'{error}; expected the file also here, or on the topic robot_description')
+                    return
+        self._found = Description(xml or self._topic_xml or default_arm_urdf(), None, joints)
+
+
+def _of_file(file: str, field: str, joints: tuple[str, ...] = ()) -> Description:
+    path = description_path(file, field)
+    return Description(read_description(path, field), path.parent, joints)
+
+
 def worst_words(message: DiagnosticArray) -> list[str]:
     """Return a line for each status that is not OK."""
     return [
@@ -172,7 +244,7 @@ def worst_words(message: DiagnosticArray) -> list[str]:
         for status in message.status if status.level != DiagnosticStatus.OK]
 
 
-def drive_words(message: DiagnosticArray) -> str:
-    """Return a line for the drive check if it is OK, else an empty one."""
-    return next((f'drive: {status.message}' for status in message.status
-                 if status.level == DiagnosticStatus.OK and status.name.endswith(': drive')), '')
+def drive_words(message: DiagnosticArray) -> list[str]:
+    """Return a line for the drive check if it is OK."""
+    return [f'drive: {status.message}' for status in message.status
+            if status.level == DiagnosticStatus.OK and status.name.endswith(': drive')]

@@ -66,7 +66,8 @@ class ArmPanel:
             gui.add_html(legend())
             self._joint = gui.add_dropdown('joint', arm.joint_names)
         self._joint.on_update(lambda _: self._ask(self._change_joint))
-        self._plots = self._make_plots()
+        self.plots = self._make_plots()
+        """Effort of the shown joint by term, and its tracking error [mrad] or [mm]."""
 
     def close(self) -> None:
         """Remove all controls."""
@@ -145,27 +146,14 @@ class ArmPanel:
                          ('error',), LEAST_ERROR, 'no reference'))
 
     def _change_joint(self) -> None:
-        for plot in self._plots:
+        for plot in self.plots:
             plot.remove()
-        self._plots = self._make_plots()
+        self.plots = self._make_plots()
 
     @property
     def shown_joint(self) -> int:
         """Index of the joint whose plots are shown."""
         return self._arm.joint_names.index(self._joint.value)
-
-    def plot_terms(self, time: float, values: Mapping[str, float]) -> None:
-        """Add the effort of the shown joint by term at a time [s]."""
-        self._plots[0].add(time, [values[name] for name in TERMS])
-
-    def plot_error(self, time: float, error: float) -> None:
-        """Add the tracking error of the shown joint [rad] or [m]."""
-        self._plots[1].add(time, [1e3 * error])
-
-    def show_plots(self, now: float) -> None:
-        """Draw the added values up to `now` [s]."""
-        for plot in self._plots:
-            plot.show(now)
 
     def show_efforts(
         self, command: Mapping[str, float], measured: Mapping[str, float],
@@ -253,15 +241,9 @@ def slider_range(low: float, high: float) -> tuple[float, float, float]:
 
 def hand_of(arm: ArmModel) -> str:
     """Return the link at the end of an arm; of a gripper, the link that carries the fingers."""
-    link = tool_link(arm)
     grips = {name for mimic in arm.mimic_joints for name in (mimic.name, mimic.leader)}
     model = arm.pinocchio_model
     fingers = {
         model.getJointId(name) for name in grips if model.existJointName(name)
         and model.joints[model.getJointId(name)].shortname().startswith('JointModelP')}
-    joint = arm.link_frame(link).parentJoint
-    while joint in fingers:
-        joint = model.parents[joint]
-    if joint == arm.link_frame(link).parentJoint:
-        return link
-    return [name for name in arm.link_names if arm.link_frame(name).parentJoint == joint][-1]
+    return tool_link(arm, fingers)

@@ -19,8 +19,12 @@ SHOWN = 15.0
 TERMS = ('effort', 'gravity', 'inertial', 'coriolis', 'friction', 'external')
 COLOURS = {
     'gravity': '#8C510A', 'inertial': '#332288', 'coriolis': '#882255', 'friction': '#999933',
-    'external': PURPLE, 'error': '#44AA99'}
-"""Colours of lines: no mark at the arm has one, except the same quantity."""
+    'external': PURPLE, 'error': '#9600F0'}
+"""
+Colours of lines: no mark at the arm has one, except the same quantity.
+
+In CIELAB, the violet is at least 30 from every other colour, also for the colour blind.
+"""
 HEIGHT = 230
 """[px]"""
 MARGIN = 0.1

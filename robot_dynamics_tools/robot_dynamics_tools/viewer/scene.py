@@ -8,12 +8,12 @@ A link is drawn with the visuals of the URDF and the meshes that are found. A li
 is drawn as a bone from joint to joint, so that every arm is visible.
 """
 
-from collections.abc import Mapping, Sequence
-import copy
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import ModelError
@@ -22,7 +22,7 @@ from robot_dynamics.urdf.inertials import read_joint_origins
 from robot_dynamics.urdf.mesh_files import check_mesh_file, find_mesh, find_untrusted_mesh
 from robot_dynamics_tools.pictures.arm_marks import ArmMarks
 from robot_dynamics_tools.viewer.views import newest_view, spread
-from robot_dynamics_tools.viewer.visuals import Box, Mesh, read_visuals, Sphere, Visual
+from robot_dynamics_tools.viewer.visuals import Colour, MeshFile, read_visuals, Visual
 import trimesh
 from visualization_msgs.msg import Marker
 
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 LINK_COLOUR = (0.72, 0.74, 0.78, 1.0)
 COLOURED = ('.dae', '.glb', '.gltf', '.obj')
 """Formats of mesh files that define colours."""
+BOX_FACES = 12
+"""Triangles of a box, whose edges are sharp; other shapes are round."""
 _BONE = 0.35
 """Radius of a bone, as a fraction of the radius of the arcs of effort."""
 _STILL = 1e-6
@@ -39,14 +41,8 @@ _STILL = 1e-6
 
 _Key = tuple[str, int, int]
 """Namespace, number and type of a mark."""
-
-
-class _Part(NamedTuple):
-    """A drawn link: its Pinocchio frame, its scene node, and points (m, 3) around it."""
-
-    frame: int
-    handle: Any
-    corners: FloatArray
+_Part = tuple[int, Any, FloatArray]
+"""A drawn link: its Pinocchio frame, its scene node, and points (m, 3) around it."""
 
 
 class ArmScene:
@@ -65,10 +61,9 @@ class ArmScene:
         self._server, self._scene = server, server.scene
         self._arm, self._data = arm, arm.pinocchio_model.createData()
         self._marks: dict[_Key, Any] = {}
-        self.size = ArmMarks(arm).size
-        """Radius of the arcs of effort [m]."""
-        self.reach = ArmMarks(arm).reach
-        """[m]"""
+        marks = ArmMarks(arm)
+        self.size, self.reach = marks.size, marks.reach
+        """Radius of the arcs of effort, and length of the arm [m]."""
         self._marked = np.zeros((0, 3))
         self.missing: list[str] = []
         """Meshes that are not drawn, each with the reason."""
@@ -81,7 +76,7 @@ class ArmScene:
 
     def close(self) -> None:
         """Remove the arm."""
-        for handle in (self._grid, *(part.handle for part in self._parts), *self._marks.values()):
+        for handle in (self._grid, *(part[1] for part in self._parts), *self._marks.values()):
             handle.remove()
         self._parts, self._marks = [], {}
 
@@ -110,7 +105,8 @@ class ArmScene:
             for frame, _, corners in self._parts)])
 
     def _draw_links(self, xml: str) -> list[_Part]:
-        visuals, bones, parts = read_visuals(xml), read_joint_origins(xml), []
+        parts: list[_Part] = []
+        visuals, bones = read_visuals(xml), read_joint_origins(xml)
         for i, link in enumerate(self._arm.link_names):
             node = f'/arm/{i}'
             handle = self._scene.add_frame(node, show_axes=False)
@@ -121,7 +117,7 @@ class ArmScene:
             if not drawn:
                 drawn = self._draw_bones(node, bones.get(link, []))
             frame = self._arm.pinocchio_model.getFrameId(link, pin.FrameType.BODY)
-            parts.append(_Part(frame, handle, np.vstack([np.zeros(3), *drawn])))
+            parts.append((frame, handle, np.vstack([np.zeros(3), *drawn])))
         return parts
 
     def _draw_visual(self, node: str, visual: Visual) -> FloatArray | None:
@@ -129,22 +125,16 @@ class ArmScene:
         x, y, z, w = pin.Quaternion(visual.rotation).coeffs().tolist()
         pose = {'wxyz': (w, x, y, z), 'position': tuple(visual.place.tolist())}
         colour, shape = visual.colour or LINK_COLOUR, visual.shape
-        if isinstance(shape, Mesh):
-            return self._draw_mesh(node, shape, visual, pose)
-        looks = {'color': colour[:3], 'opacity': None if colour[3] == 1.0 else colour[3]}
-        if isinstance(shape, Box):
-            self._scene.add_box(node, dimensions=tuple(shape.size.tolist()), **looks, **pose)
-            return np.outer((-0.5, 0.5), shape.size)
-        if isinstance(shape, Sphere):
-            self._scene.add_icosphere(node, radius=shape.radius, **looks, **pose)
-            return np.outer((-shape.radius, shape.radius), np.ones(3))
-        body = trimesh.creation.cylinder(radius=shape.radius, height=shape.length)
+        if isinstance(shape, MeshFile):
+            return self._draw_mesh(node, shape, colour, pose)
         self._scene.add_mesh_simple(
-            node, body.vertices, body.faces, flat_shading=False, **looks, **pose)
-        return np.array(body.bounds)
+            node, shape.vertices, shape.faces, color=colour[:3],
+            opacity=None if colour[3] == 1.0 else colour[3],
+            flat_shading=len(shape.faces) == BOX_FACES, **pose)
+        return np.array(shape.bounds)
 
     def _draw_mesh(
-        self, node: str, mesh: Mesh, visual: Visual, pose: dict[str, Any],
+        self, node: str, mesh: MeshFile, colour: Colour, pose: dict[str, Any],
     ) -> FloatArray | None:
         try:
             path = self._mesh_file(mesh.name)
@@ -161,7 +151,6 @@ class ArmScene:
                 self._scene.add_mesh_trimesh(node, scene, scale=scale, **pose)
             else:
                 body = scene.to_mesh()
-                colour = visual.colour or LINK_COLOUR
                 self._scene.add_mesh_simple(
                     node, body.vertices, body.faces, color=colour[:3], scale=scale, **pose)
         except Exception as error:  # any error of a mesh reader
@@ -199,59 +188,67 @@ class ArmScene:
         self._marked = np.vstack([np.zeros((0, 3)), *(
             _points(one) if one.points else _position(one)
             for one in named.values())])
-        labels, anchors = self._labels(
-            {key: one for key, one in named.items() if one.type == Marker.TEXT_VIEW_FACING})
-        named.update(labels)
+        looks = {key: _looks(marker) for key, marker in named.items()}
+        for key, look in looks.items():
+            if 'text' in look and key[1] < self._arm.joint_count:
+                look['text'] = f'{self._arm.joint_names[key[1]]}: {look["text"]}'
+        labels = [look for look in looks.values() if 'text' in look]
+        places = np.array([label['position'] for label in labels]).reshape(-1, 3)
+        anchors = spread(
+            newest_view(self._server.get_clients().values()), places,
+            [label['text'] for label in labels])
+        for label, place, anchor in zip(labels, places, anchors):
+            label.update(position=place, anchor=anchor)
         with self._server.atomic():
             for key in [key for key in self._marks if key not in named]:
                 self._marks.pop(key).remove()
             for key, marker in named.items():
-                if key in self._marks:
-                    _UPDATES[marker.type](self._marks[key], marker)
-                else:
-                    self._marks[key] = self._add_mark(f'/marks/{key[0]}/{key[1]}', marker)
-            for key, anchor in zip(labels, anchors):
-                if self._marks[key].anchor != anchor:
-                    self._marks[key].anchor = anchor
+                if key not in self._marks:
+                    self._marks[key] = self._add_mark(
+                        f'/marks/{key[0]}/{key[1]}', marker, looks[key])
+                for name, value in looks[key].items():
+                    _set(self._marks[key], name, value)
 
-    def _labels(self, texts: Mapping[_Key, Marker]) -> tuple[dict[_Key, Marker], list[str]]:
-        """Return the texts with the names of their joints, spread in the image; their anchors."""
-        labels = copy.deepcopy(dict(texts))
-        for label in labels.values():
-            if label.id < self._arm.joint_count:
-                label.text = f'{self._arm.joint_names[label.id]}: {label.text}'
-        places = np.array([_position(label) for label in labels.values()]).reshape(-1, 3)
-        anchors = spread(
-            newest_view(self._server.get_clients().values()), places,
-            [label.text for label in labels.values()])
-        for label, place in zip(labels.values(), places.tolist()):
-            label.pose.position.x, label.pose.position.y, label.pose.position.z = place
-        return labels, anchors
-
-    def _add_mark(self, node: str, marker: Marker) -> Any:
-        colour = _rgb(marker)
+    def _add_mark(self, node: str, marker: Marker, look: dict[str, Any]) -> Any:
         if marker.type == Marker.LINE_STRIP:
-            return self._scene.add_line_segments(
-                node, _segments(marker), colour, thickness=marker.scale.x)
+            return self._scene.add_line_segments(node, **look, thickness=marker.scale.x)
         if marker.type == Marker.ARROW:
             return self._scene.add_arrows(
-                node, _points(marker)[None, :2], colour, shaft_radius=0.5 * marker.scale.x,
-                head_radius=0.5 * marker.scale.y, head_length=marker.scale.z)
+                node, **look, colors=_rgb(marker), shaft_radius=0.5 * marker.scale.x,
+                head_radius=0.5 * marker.scale.y)
         if marker.type == Marker.SPHERE:
             return self._scene.add_icosphere(
-                node, radius=0.5, scale=_size(marker), color=colour,
-                opacity=None if marker.color.a == 1.0 else marker.color.a,  # visible in a pale one
-                wxyz=_wxyz(marker), position=_position(marker))
-        return self._scene.add_label(node, marker.text, position=_position(marker))
+                node, **look, radius=0.5, color=_rgb(marker),
+                opacity=None if marker.color.a == 1.0 else marker.color.a)  # visible in a pale one
+        return self._scene.add_label(node, **look)
 
 
 def _can_be_drawn(marker: Marker) -> bool:
-    points = {Marker.LINE_STRIP: 2, Marker.ARROW: 2}.get(marker.type, 0)
-    return marker.action == Marker.ADD and marker.type in _UPDATES and len(marker.points) >= points
+    points = {Marker.LINE_STRIP: 2, Marker.ARROW: 2, Marker.SPHERE: 0, Marker.TEXT_VIEW_FACING: 0}
+    return marker.action == Marker.ADD and marker.type in points and (
+        len(marker.points) >= points[marker.type])
+
+
+def _looks(marker: Marker) -> dict[str, Any]:
+    """Return the properties of a mark that may change, with their names in viser."""
+    points = _points(marker).astype(np.float32)
+    if marker.type == Marker.LINE_STRIP:
+        segments = np.stack([points[:-1], points[1:]], axis=1)
+        return {'points': segments, 'colors': _rgb(marker)}
+    if marker.type == Marker.ARROW:
+        return {'points': points[None, :2], 'head_length': marker.scale.z}
+    if marker.type == Marker.TEXT_VIEW_FACING:
+        return {'position': _position(marker), 'text': marker.text}
+    turn, size = marker.pose.orientation, marker.scale
+    return {'position': _position(marker), 'wxyz': np.array([turn.w, turn.x, turn.y, turn.z]),
+            'scale': (size.x, size.y, size.z)}
 
 
 def _set(handle: Any, name: str, value: Any) -> None:
-    if np.abs(np.subtract(getattr(handle, name), value)).max() > _STILL:
+    """Set a property of a scene node if it has changed; what is set is sent."""
+    now = getattr(handle, name)
+    if now != value if isinstance(value, str) else (
+            np.shape(now) != np.shape(value) or np.abs(np.subtract(now, value)).max() > _STILL):
         setattr(handle, name, value)
 
 
@@ -259,54 +256,11 @@ def _points(marker: Marker) -> FloatArray:
     return np.array([(point.x, point.y, point.z) for point in marker.points])
 
 
-def _segments(marker: Marker) -> FloatArray:
-    points = _points(marker)
-    return np.stack([points[:-1], points[1:]], axis=1)
-
-
 def _position(marker: Marker) -> FloatArray:
     place = marker.pose.position
     return np.array([place.x, place.y, place.z])
 
 
-def _wxyz(marker: Marker) -> FloatArray:
-    turn = marker.pose.orientation
-    return np.array([turn.w, turn.x, turn.y, turn.z])
-
-
-def _size(marker: Marker) -> tuple[float, float, float]:
-    return marker.scale.x, marker.scale.y, marker.scale.z
-
-
-def _rgb(marker: Marker) -> FloatArray:
-    return np.array([marker.color.r, marker.color.g, marker.color.b])
-
-
-def _update_line(handle: Any, marker: Marker) -> None:
-    handle.points = _segments(marker).astype(np.float32)
-    colour = np.round(255.0 * _rgb(marker)).astype(np.uint8)
-    if not np.array_equal(handle.colors, colour):
-        handle.colors = colour
-
-
-def _update_arrow(handle: Any, marker: Marker) -> None:
-    handle.points = _points(marker)[None, :2].astype(np.float32)
-    _set(handle, 'head_length', marker.scale.z)
-
-
-def _update_ball(handle: Any, marker: Marker) -> None:
-    _set(handle, 'position', _position(marker))
-    _set(handle, 'wxyz', _wxyz(marker))
-    _set(handle, 'scale', _size(marker))
-
-
-def _update_text(handle: Any, marker: Marker) -> None:
-    _set(handle, 'position', _position(marker))
-    if handle.text != marker.text:
-        handle.text = marker.text
-
-
-_UPDATES = {
-    Marker.LINE_STRIP: _update_line, Marker.ARROW: _update_arrow, Marker.SPHERE: _update_ball,
-    Marker.TEXT_VIEW_FACING: _update_text,
-}
+def _rgb(marker: Marker) -> npt.NDArray[np.uint8]:
+    colour = np.array([marker.color.r, marker.color.g, marker.color.b])
+    return np.round(255.0 * colour).astype(np.uint8)

@@ -16,38 +16,17 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.urdf.parser import robot_element
 from robot_dynamics.urdf.values import number, pose, vector
 from robot_dynamics.validation import LARGEST_VALUE
+import trimesh
 
 Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, each in [0, 1]."""
 
 
-class Box(NamedTuple):
-    """A box about its frame's origin: edges (3,) [m]."""
-
-    size: FloatArray
-
-
-class Cylinder(NamedTuple):
-    """A cylinder about its frame's z axis and origin [m]."""
-
-    radius: float
-    length: float
-
-
-class Sphere(NamedTuple):
-    """A sphere about its frame's origin [m]."""
-
-    radius: float
-
-
-class Mesh(NamedTuple):
+class MeshFile(NamedTuple):
     """The name of a mesh file in the URDF, and its scale (3,)."""
 
     name: str
     scale: FloatArray
-
-
-Shape = Box | Cylinder | Sphere | Mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +36,8 @@ class Visual:
     link: str
     rotation: FloatArray
     place: FloatArray
-    shape: Shape
+    shape: trimesh.Trimesh | MeshFile
+    """Box, sphere or cylinder [m] about the origin, the cylinder along z; or a file."""
     colour: Colour | None
 
 
@@ -80,24 +60,25 @@ def read_visuals(xml: str) -> list[Visual]:
     return visuals
 
 
-def _shape(geometry: ElementTree.Element | None) -> Shape | None:
+def _shape(geometry: ElementTree.Element | None) -> trimesh.Trimesh | MeshFile | None:
     """Return a shape, or None if its kind is unknown or its sizes are invalid."""
     element = None if geometry is None else next(iter(geometry), None)
     if element is None:
         return None
     if element.tag == 'box':
         size = vector(element, 'size', '')
-        return Box(size) if (size > 0.0).all() else None
+        return trimesh.creation.box(size) if (size > 0.0).all() else None
     if element.tag == 'mesh':
         scale, name = vector(element, 'scale', '1 1 1'), element.get('filename')
-        return Mesh(name, scale) if name and np.isfinite(scale).all() else None
+        return MeshFile(name, scale) if name and np.isfinite(scale).all() else None
     radius = number(element, 'radius')
     if not radius > 0.0:
         return None
     if element.tag == 'sphere':
-        return Sphere(radius)
+        return trimesh.creation.icosphere(radius=radius)
     length = number(element, 'length')
-    return Cylinder(radius, length) if element.tag == 'cylinder' and length > 0.0 else None
+    return trimesh.creation.cylinder(radius, length) if (
+        element.tag == 'cylinder' and length > 0.0) else None
 
 
 def _colour(material: ElementTree.Element) -> Colour | None:

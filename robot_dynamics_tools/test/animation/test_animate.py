@@ -15,8 +15,8 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_tools.animation.arm_motion import simulate_motion
 from robot_dynamics_tools.animation.chain_animation import _trail, chain_frames
-from robot_dynamics_tools.animation.chain_stage import ChainStage, StageScales
-from robot_dynamics_tools.animation.panels import EffortPanel, EnergyPanel
+from robot_dynamics_tools.animation.chain_stage import ChainStage
+from robot_dynamics_tools.animation.panels import effort_bars, energy_bars
 from robot_dynamics_tools.commands import animate
 from robot_dynamics_tools.commands.animate import main
 from robot_dynamics_tools.pictures.planar_view import PlanarView
@@ -29,7 +29,7 @@ from robots import robot_path
 
 Image = pytest.importorskip('PIL.Image')
 pytest.importorskip('matplotlib')
-SCALES = StageScales(50.0, 10.0, 10.0, 2.0)
+SCALES = {'force': 50.0, 'moment': 10.0, 'acceleration': 10.0, 'rate': 2.0}
 UR10_PLANE = ['shoulder_lift_joint', 'elbow_joint', 'wrist_1_joint']
 
 
@@ -91,7 +91,7 @@ def test_arcs_cover_the_angle_of_the_moment_clockwise_from_above(moment):
 
 def test_energy_bars_end_where_the_work_ends(swing):
     axes = axes_of()
-    EnergyPanel(axes, swing).show(9)
+    energy_bars(axes, swing).show(9)
     kinetic, potential, total, heat, work = axes.patches
     assert kinetic.get_width() == pytest.approx(swing.kinetic[9])
     assert total.get_width() == pytest.approx(potential.get_x() + potential.get_width())
@@ -100,7 +100,7 @@ def test_energy_bars_end_where_the_work_ends(swing):
 
 def test_effort_bars_add_up_to_the_last_one(swing):
     axes, joint = axes_of(), 1
-    panel = EffortPanel(axes, swing, joint)
+    panel = effort_bars(axes, swing, joint)
     for k in (2, 9):
         panel.show(k)
         *terms, total = (bar.get_width() for bar in axes.patches)

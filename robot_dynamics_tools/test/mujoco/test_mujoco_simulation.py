@@ -143,7 +143,7 @@ def test_a_diverging_motion_is_an_error_and_reset_recovers():
 
 @pytest.mark.parametrize(('make', 'words'), [
     (lambda: lever(joints=['elbow']), "mjcf_joints[0] is 'elbow', expected the name"),
-    (lambda: lever(joints=['hinge', 'hinge']), "mjcf_joints[1] is 'hinge' again"),
+    (lambda: lever(joints=['hinge', 'hinge']), "mjcf_joints has 'hinge' twice"),
     (lambda: lever(names=['elbow']), 'joints has 1 names, expected 2, one for each of'),
     (lambda: lever(position=[0.1]), 'initial_position has 1 values, expected 2'),
     (lambda: model_of_mjcf('<mujoco><worldbody>'), 'MuJoCo rejects the MJCF'),

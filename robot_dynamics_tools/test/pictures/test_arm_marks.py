@@ -108,8 +108,8 @@ def test_a_payload_is_a_ball_of_its_mass_at_its_centre_of_mass():
     loaded = ARM.with_payloads([make_payload('tool0', 2.0, (0.0, 0.0, 0.1))])
     marks = ArmMarks(loaded)
     marks.move(np.array([0.5, 0.0]))
-    (ball,) = marks.payloads()
+    ((centre, radius),) = marks.payloads()
     npt.assert_allclose(
-        ball.centre, marks.joints()[0].origin + 1.9 * np.array([np.sin(0.5), 0.0, np.cos(0.5)]),
+        centre, marks.joints()[0].origin + 1.9 * np.array([np.sin(0.5), 0.0, np.cos(0.5)]),
         atol=1e-12)
-    assert ball.radius**3 * 4.0 / 3.0 * np.pi * 2000.0 == pytest.approx(2.0)
+    assert radius**3 * 4.0 / 3.0 * np.pi * 2000.0 == pytest.approx(2.0)

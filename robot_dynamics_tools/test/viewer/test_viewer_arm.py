@@ -52,7 +52,7 @@ class Watched:
         assert not self._work.done(), self._work.result()
 
     def sliders(self):
-        return [slider.value for slider in self.viewer._shown.panel._sliders]
+        return [slider.value for slider in self.viewer._page.panel._sliders]
 
 
 @contextmanager
@@ -126,7 +126,7 @@ def test_diagnostics_of_another_namespace_are_skipped(client):
         def has_received():
             publisher.publish(DiagnosticArray(status=[
                 DiagnosticStatus(name=f'{next(namespaces)}/dynamics: command')]))
-            message = viewer.receive().diagnostics
+            message = viewer.receive().get('diagnostics')
             found.extend([] if message is None else message.status)
             return found
 

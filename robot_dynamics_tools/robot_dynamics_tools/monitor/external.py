@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`~/external_wrench` with its covariance, and `~/zero_external_wrench`."""
+"""What follows from the external effort: `~/external_wrench` and `~/contacts`."""
 
 from collections.abc import Callable
 
@@ -10,16 +10,27 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.ros.dynamics.external_effort_fault import contact_levels
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, stamp_to_ros
 from robot_dynamics.ros.middleware.rclpy_internals import subscription_count
-from robot_dynamics_interfaces.msg import WrenchCovariance
+from robot_dynamics.ros.parameters.declared_parameters import Values
+from robot_dynamics_interfaces.msg import Contact, WrenchCovariance
+from robot_dynamics_tools.monitoring.contact_detector import ContactDetector
 from robot_dynamics_tools.monitoring.external_wrench import ExternalWrenchEstimator
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
-NEWEST_ONLY = QoSProfile(depth=1)
 UNKNOWN = -1.0
 """First element of a covariance that is not known."""
+
+
+class Output:
+    """A topic: `publish`, and `count`, which returns the number of its subscribers."""
+
+    def __init__(self, node: Node, message_type: type, topic: str, depth: int = 1) -> None:
+        publisher = node.create_publisher(message_type, topic, QoSProfile(depth=depth))
+        self.publish, self.count = publisher.publish, subscription_count(publisher)
 
 
 class LiveWrench:
@@ -28,11 +39,8 @@ class LiveWrench:
     def __init__(self, node: Node, is_wanted: Callable[[], bool]) -> None:
         """`is_wanted` returns whether the node itself needs the wrench."""
         self._node, self._is_wanted = node, is_wanted
-        self._wrench = node.create_publisher(WrenchStamped, '~/external_wrench', NEWEST_ONLY)
-        self._covariance = node.create_publisher(
-            WrenchCovariance, '~/external_wrench_covariance', NEWEST_ONLY)
-        self.counts = [subscription_count(one) for one in (self._wrench, self._covariance)]
-        """Functions that return the number of subscribers of each topic."""
+        self._wrench = Output(node, WrenchStamped, '~/external_wrench')
+        self._covariance = Output(node, WrenchCovariance, '~/external_wrench_covariance')
         self.estimator: ExternalWrenchEstimator | None = None
         """The estimator in use, None without a model."""
         self.newest: FloatArray | None = None
@@ -42,7 +50,7 @@ class LiveWrench:
     @property
     def has_subscribers(self) -> bool:
         """Whether one of the topics has a subscriber."""
-        return any(count() > 0 for count in self.counts)
+        return self._wrench.count() > 0 or self._covariance.count() > 0
 
     def publish(self, stamp_ns: int, dt: float) -> None:
         """Publish the wrench dt [s] after the previous state; nothing if nothing needs it."""
@@ -60,7 +68,7 @@ class LiveWrench:
             force, torque = message.wrench.force, message.wrench.torque
             force.x, force.y, force.z, torque.x, torque.y, torque.z = estimate.wrench.tolist()
             self._wrench.publish(message)
-            if self.counts[1]():
+            if self._covariance.count():
                 C = estimate.covariance
                 self._covariance.publish(WrenchCovariance(
                     header=header, unobservable=floats_to_ros(estimate.unobservable),
@@ -75,3 +83,34 @@ class LiveWrench:
             'the mean external effort of the last 0.2 s is subtracted from now on')
         self._node.get_logger().info(f'~/zero_external_wrench: {response.message}')
         return response
+
+
+class LiveContacts:
+    """Publishes the beginnings of contacts; for the thread of the states."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._output = Output(node, Contact, '~/contacts', depth=10)
+        self._detector: ContactDetector | None = None
+
+    def set_levels(self, values: Values, arm: ArmModel) -> None:
+        """Use the levels of the parameters of `dynamics` from the next state on."""
+        levels = contact_levels(values, arm)
+        self._detector = None if levels is None else ContactDetector(levels, arm.joint_names)
+
+    @property
+    def is_on(self) -> bool:
+        """Whether contacts are detected: there are levels and a subscriber."""
+        return self._detector is not None and self._output.count() > 0
+
+    def update(self, stamp_ns: int, dt: float, v: FloatArray, effort: FloatArray) -> None:
+        """Publish a contact that begins at a state dt [s] after the previous one."""
+        detector = self._detector
+        contact = None if detector is None else detector.update(dt, v, effort)
+        if contact is not None:
+            message = Contact(
+                joint_name=contact.joint, effort=contact.effort, level=contact.level,
+                message=str(contact))
+            message.header.stamp = stamp_to_ros(stamp_ns)
+            self._output.publish(message)
+            self._node.get_logger().info(f'~/contacts: {contact}')
