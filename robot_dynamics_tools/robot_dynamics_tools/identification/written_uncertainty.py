@@ -35,6 +35,7 @@ from robot_dynamics_tools.identification.friction_regressor import FRICTION_COLU
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.pipeline import base_parameters_of, Identification
 from robot_dynamics_tools.identification.regularized_fit import bounded_problem
+from robot_dynamics_tools.identification.uncertainty import base_variables
 
 LARGEST_REGULARIZATION = 1.0
 POSES = 200
@@ -127,17 +128,11 @@ def parameter_covariance(identification: Identification) -> tuple[tuple[str, ...
     problem = identification.models.problem
     A, b, _, _ = bounded_problem(information.together(), problem._replace(
         regularization=min(problem.regularization, LARGEST_REGULARIZATION)))
-    base = base_parameters_of(arm, GRAVITIES)
-    p, r, size = problem.prior.count, base.rank, A.shape[1]
-    names = [base.names[column] for column in base.columns]
-    T = np.zeros((r + size - p - arm.joint_count, size))
-    T[:r, :p] = base.matrix[:, :p]
-    for j, (columns, part) in enumerate(problem.own):
-        T[:r, part.start] = base.matrix[:, p + j]  # the reflected inertia comes first
-        for place, column in enumerate(columns[1:].tolist(), start=part.start + 1):
-            T[len(names), place] = 1.0
-            parameter = FRICTION_COLUMNS[column - p - 1].parameter
-            names.append(f'{parameter.name}({arm.joint_names[j]})')
+    base, p = base_parameters_of(arm, GRAVITIES), problem.prior.count
+    T, _, own = base_variables(base, problem)
+    names = [base.names[column] for column in base.columns] + [
+        f'{FRICTION_COLUMNS[column - 1].parameter.name}({arm.joint_names[j]})'
+        for j, column in own]
     # the friction of a joint without effort has no information, and its written values are 0
     inverse = decomposed(A, 1e-12).inverse
     fit = identification.models.consistent
