@@ -13,6 +13,7 @@ on a link is a combination of gravity parameters.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -112,15 +113,9 @@ def fit_scales(seen: Observations, assumed: FloatArray) -> effort_fit.EffortFit:
     start[:n] = np.where(np.isfinite(assumed), assumed, start[:n])
     W = np.diag(np.isfinite(assumed) / SCALE_DEVIATION) @ np.eye(n, len(start))
     floor = (_LEAST_NOISE * max(float(np.abs(seen.effort).max(initial=0.0)), 1e-3))**2
-
-    def variances(
-        theta: FloatArray, squares: FloatArray, free: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        found, freedom = effort_fit.residual_variances(theta, squares, free)
-        return np.maximum(found, floor), freedom
-
     return effort_fit.fit_effort(
-        [seen.rows(j) for j in range(n)], start, None, lambda _: W, variances)
+        [seen.rows(j) for j in range(n)], start, None, lambda _: W,
+        partial(effort_fit.residual_variances, least=floor))
 
 
 def _first_values(seen: Observations) -> FloatArray:
@@ -142,8 +137,7 @@ def linear_fit(A: FloatArray, covariance: FloatArray) -> tuple[FloatArray, BoolA
 
     b (m,) has this covariance (m, m).
     """
-    variance, axes = np.linalg.eigh(covariance)
-    rows = axes.T / np.sqrt(np.maximum(variance, 1e-12 * variance[-1]))[:, None]
+    rows = effort_fit.inverse_root(covariance, 1e-12)
     found = effort_fit.decomposed(rows @ A)
     return np.asarray(found.inverse @ rows), found.is_lost
 

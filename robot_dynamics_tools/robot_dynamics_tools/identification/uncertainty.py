@@ -15,7 +15,7 @@ all are enlarged by the median of their ratios to it.
 from dataclasses import dataclass
 
 import numpy as np
-from robot_dynamics.arrays import column_scale, FloatArray, IntArray
+from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics_tools.base_parameters import BaseParameters
 from robot_dynamics_tools.estimation import effort_fit
 from robot_dynamics_tools.identification.friction_regressor import COLUMN_NAMES, INERTIA
@@ -91,12 +91,12 @@ def estimate_parameters(
     widening = max(float(np.median(jackknife[known] / noise[known])), 1.0) if known.any() else 1.0
     deviations = np.where(is_lost, np.inf, np.maximum(widening * noise, jackknife))
     A, _, _ = effort_fit.stacked(groups(information.together()), x, fit.variances)
-    s_base = np.linalg.svd(A[:, :r] * column_scale(A[:, :r]), compute_uv=False)
+    of_base = effort_fit.decomposed(A[:, :r], 0.0)
     size = _scale_of(base, prior, n)
     before = np.concatenate([
         base.matrix @ np.concatenate([prior.parameters, np.zeros(n)]), np.zeros(len(x) - r)])
     excited = np.concatenate([deviations[:r] < UNEXCITED * size, np.isfinite(deviations[r:])])
-    condition = float(s_base[0] / s_base[-1]) if s_base.all() and joints else np.inf
+    condition = np.inf if of_base.is_lost.any() else of_base.condition
     return ParameterEstimate(names, x, deviations, before, r, condition, excited)
 
 
@@ -110,8 +110,8 @@ def base_variables(base: BaseParameters, problem: Problem) -> tuple[
     """
     starts = [part.start for _, part in problem.own]
     of_base = np.concatenate([np.arange(problem.prior.count), starts])
-    places = np.concatenate([
-        of_base[list(base.columns)], np.setdiff1d(np.arange(problem.size), of_base)]).astype(np.intp)
+    own = np.setdiff1d(np.arange(problem.size), of_base)
+    places = np.concatenate([of_base[list(base.columns)], own]).astype(np.intp)
     T = np.eye(problem.size)[places]
     T[:base.rank, of_base] = base.matrix
     return T, places, [(j, column) for j, structure in enumerate(problem.structures)

@@ -80,34 +80,39 @@ def recorded_deviations(identification: Identification) -> dict[str, FloatArray]
     such that it counts as white up to there.
     """
     deviation = _model_deviation(identification)
-    shown = [recording.shown for recording in identification.recordings]
+    shown = identification.recordings
+    motions = [each.motion for each in shown]
     known = [  # the covariance, which samples for training lack
-        (each.times >= each.test_from)[:, np.newaxis] * (deviation.errors(
-            each.position, each.velocity, each.acceleration)**2).sum(axis=2) for each in shown]
-    speed = np.abs(np.concatenate([each.velocity for each in shown]))
+        (motion.times >= each.test_from)[:, np.newaxis] * (deviation.errors(
+            motion.position, motion.velocity, motion.acceleration)**2).sum(axis=2)
+        for each, motion in zip(shown, motions)]
+    speed = np.abs(np.concatenate([motion.velocity for motion in motions]))
     slow, fast = np.quantile(speed, THIRDS, axis=0)
     left = np.maximum(1.0 - speed / np.maximum(fast, 1e-12), 1e-3)
+
+    measured = [motion.measured_effort for motion in motions]
+    raw = [effort if motion.recorded_effort is None else motion.recorded_effort
+           for effort, motion in zip(measured, motions)]
 
     def covered(values: FloatArray, is_part: BoolArray) -> FloatArray:
         return np.maximum([np.quantile(own[rows], COVERAGE)
                            for own, rows in zip(values.T, is_part.T)], 0.0)
 
     behind, before = (np.concatenate([
-        0.25 * (getattr(each, name) - each.single)**2 - of_model
-        for each, of_model in zip(shown, known)]) for name in ('measured', 'recorded'))
+        0.25 * (effort - each.single)**2 - of_model
+        for each, effort, of_model in zip(shown, efforts, known)]) for efforts in (measured, raw))
     noise = covered(behind, speed >= fast)
     friction, sharp = (
         covered((variance - covered(variance, speed >= fast)) / left**2, speed <= slow)
         for variance in (behind, before))
     friction = (1.0 - SHARP_PART) * friction + SHARP_PART * sharp
     wide = covered(before - friction * left**2, speed >= 0.0)
-    facts = [recording.facts for recording in identification.recordings]
-    band = min(noise_bandwidth(each.cutoff_hz, each.rate_hz) for each in facts)
+    band = min(noise_bandwidth(each.cutoff_hz, each.sample_rate_hz) for each in motions)
     ratio = np.divide(noise, wide, out=np.ones_like(noise), where=wide > 0.0)
     return {
         'noise_deviation': np.sqrt(noise),
         'noise_bandwidth': np.maximum(
-            0.5 * facts[0].rate_hz * min(float(np.median(ratio)), 1.0), band),
+            0.5 * motions[0].sample_rate_hz * min(float(np.median(ratio)), 1.0), band),
         'friction_deviation': np.sqrt(friction), 'friction_velocity': fast,
         'largest_velocity': speed.max(axis=0)}
 

@@ -13,8 +13,9 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model.payload_check import LEAST_DISTANCE, reach, REACH_MULTIPLE
 from robot_dynamics.model.regressor import COUNT, LoadRegressor, NAMES, random_states
+from robot_dynamics_tools.estimation.effort_fit import decomposed, inverse_of
 from robot_dynamics_tools.payload_estimation.advice import advise, Knowledge
-from robot_dynamics_tools.payload_estimation.information import inverse_of, Solution
+from robot_dynamics_tools.payload_estimation.information import Solution
 from robot_dynamics_tools.payload_estimation.rows import LoadRows
 from robot_dynamics_tools.payload_estimation.variance_groups import RestRows
 from robot_dynamics_tools.pseudo_inertia import is_consistent
@@ -35,8 +36,6 @@ LEAST_PART_OF_DRIVES = 0.5
 CALIBRATE = (
     'scale and mass are confounded: calibrate_gravity with a known weight separates them, or hold '
     'more poses, in which the gravity torque of the arm without the load differs')
-LENGTH = 0.1
-"""Length [m] with which parameters are scaled to compare them."""
 _STATES = 40
 _NOTHING = 1e-9
 
@@ -177,17 +176,14 @@ def _unknown_errors(arm: ArmModel, scale_deviation: float, of_drives: float) -> 
 
 
 def _verdicts(regressor: LoadRegressor, solution: Solution, limit: FloatArray) -> tuple[str, ...]:
+    """Return the verdict on each parameter, from random states and from the deviations."""
     Y = regressor(*random_states(regressor.arm, _STATES)).reshape(-1, COUNT)
-    Y = Y * np.array([1.0, *(LENGTH,) * 3, *(LENGTH**2,) * 6])
-    _, s, Vt = np.linalg.svd(Y, full_matrices=True)
-    rank = int((s > _NOTHING * max(s.max(), 1e-300)).sum())
-    inside = np.sum(Vt[:rank]**2, axis=0)  # 1 for a parameter that can be determined
     has_effect = np.abs(Y).max(axis=0) > _NOTHING * max(np.abs(Y).max(), 1e-300)
     return tuple(
-        NO_EFFECT if not effect else INSEPARABLE if part < 1.0 - 1e-6 else
+        NO_EFFECT if not effect else INSEPARABLE if is_lost else
         OBSERVABLE if deviation <= largest else UNOBSERVABLE
-        for effect, part, deviation, largest in zip(
-            has_effect.tolist(), inside.tolist(), solution.deviations.tolist(), limit.tolist()))
+        for effect, is_lost, deviation, largest in zip(
+            has_effect, decomposed(Y * has_effect).is_lost, solution.deviations, limit))
 
 
 def _friction_text(rests: RestRows, band: FloatArray) -> str:
