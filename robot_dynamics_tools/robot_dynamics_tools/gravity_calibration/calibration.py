@@ -185,13 +185,12 @@ def _observations(
     is_used = np.concatenate([one.paired.is_paired for one in sets])
     loads = np.concatenate([
         np.tile(_weight_parameters(arm, one.weight), (len(one.paired.times), 1)) for one in sets])
-    known = np.einsum('pjk,pk->pj', Y, loads)
+    known = np.einsum('pjk,pk->pj', Y, loads) + np.concatenate([
+        one.paired.mean(RigidBody(arm).gravity_batch(one.paired.positions)) for one in sets])
     if reference is ScaleReference.WEIGHT:
         _, singular, Vt = np.linalg.svd(Y[is_used], full_matrices=False)
         basis = Vt[singular > _SAME * singular[0]].T  # of what determines these rows
         return scale_fit.Observations(effort, known, Y @ basis, is_used), basis
-    known += np.concatenate([
-        one.paired.mean(RigidBody(arm).gravity_batch(one.paired.positions)) for one in sets])
     basis = np.zeros((Y.shape[2], 0))
     if tool is not None and tool.mass is not None:
         T = scale_fit.link_columns(arm, tool.link)
@@ -217,7 +216,7 @@ def _fit(
 ) -> tuple[EffortFit, BoolArray]:
     """Return the fit, and which joints have an observable scale; the others are `assumed`."""
     n = arm.joint_count
-    fit = scale_fit.fit_scales(seen, np.full(n, np.nan))
+    fit = scale_fit.fit_scales(seen, assumed, np.ones(n, dtype=np.bool_))
     deviation = fit.spread(np.eye(n, len(fit.values))).deviation
     is_observable = seen.is_used.any(axis=0) & (deviation < UNOBSERVABLE * np.abs(fit.values[:n]))
     if not is_observable.any():
@@ -228,7 +227,7 @@ def _fit(
             f'standard deviation {noise.round(3).tolist()}, expected poses in which the gravity '
             'torque differs more')
     if not is_observable.all():
-        fit = scale_fit.fit_scales(seen, np.where(is_observable, np.nan, assumed))
+        fit = scale_fit.fit_scales(seen, assumed, is_observable)
     return fit, is_observable
 
 
