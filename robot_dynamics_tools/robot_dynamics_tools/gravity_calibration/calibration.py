@@ -183,19 +183,17 @@ def _observations(
         one.paired.mean(scale_fit.gravity_regressor(arm, one.paired.positions)) for one in sets])
     effort = np.concatenate([one.paired.effort for one in sets])
     is_used = np.concatenate([one.paired.is_paired for one in sets])
+    T = np.zeros((Y.shape[2], 4)) if tool is None else scale_fit.link_columns(arm, tool.link)
     loads = np.concatenate([
         np.tile(_weight_parameters(arm, one.weight), (len(one.paired.times), 1)) for one in sets])
+    if tool is not None and tool.mass is not None:
+        loads += tool.mass * T[:, 0]
     known = np.einsum('pjk,pk->pj', Y, loads) + np.concatenate([
         one.paired.mean(RigidBody(arm).gravity_batch(one.paired.positions)) for one in sets])
+    basis = T[:, :0] if tool is None else T[:, 1:]
     if reference is ScaleReference.WEIGHT:
         _, singular, Vt = np.linalg.svd(Y[is_used], full_matrices=False)
         basis = Vt[singular > _SAME * singular[0]].T  # of what determines these rows
-        return scale_fit.Observations(effort, known, Y @ basis, is_used), basis
-    basis = np.zeros((Y.shape[2], 0))
-    if tool is not None and tool.mass is not None:
-        T = scale_fit.link_columns(arm, tool.link)
-        known += Y @ (T[:, 0] * tool.mass)
-        basis = T[:, 1:]
     return scale_fit.Observations(effort, known, Y @ basis, is_used), basis
 
 

@@ -140,19 +140,16 @@ def estimate_tool(
     With a known weight, β is any change of the arm, and the tool is its part on the link.
     Otherwise β are the first moments.
     """
-    n = arm.joint_count
+    n, beta = arm.joint_count, slice(2 * arm.joint_count, None)
     given = np.array([] if tool.mass is None else [tool.mass])
-    known, of_unknown = ~fit.solution.is_lost[2 * n:], slice(len(given), len(NAMES))
-    beta = target = fit.values[2 * n:]
-    G = np.eye(len(beta))
-    is_lost = ~known
+    is_lost = fit.solution.is_lost[beta]
+    G = np.eye(len(is_lost))
     if has_weight:
-        T = basis.T @ link_columns(arm, tool.link)
-        target = beta - T[:, :len(given)] @ given
-        G = np.zeros((len(NAMES) - len(given), len(beta)))
+        T, known = basis.T @ link_columns(arm, tool.link)[:, len(given):], ~is_lost
+        G = np.zeros((T.shape[1], len(T)))
         G[:, known], is_lost = linear_fit(
-            T[known, of_unknown], fit.covariance[2 * n:, 2 * n:][np.ix_(known, known)])
+            T[known], fit.covariance[beta, beta][np.ix_(known, known)])
     spread = fit.spread(np.column_stack([np.zeros((len(G), 2 * n)), G]))
     no_spread = np.zeros(len(given))
-    return ToolEstimate(tool.link, np.concatenate([given, G @ target]), *(
+    return ToolEstimate(tool.link, np.concatenate([given, G @ fit.values[beta]]), *(
         np.concatenate([no_spread, np.where(is_lost, np.inf, one)]) for one in spread))
