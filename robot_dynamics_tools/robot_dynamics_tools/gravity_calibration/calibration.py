@@ -116,6 +116,10 @@ def calibrate_holds(
             'expected both or none')
     sets = [HoldSet(pair_holds(without_weight, arm.joint_kinds))]
     if weight is not None:
+        if arm.link_frame(weight.link, 'link').parentJoint == 0:
+            raise InvalidInputError(
+                f'the weight is on {weight.link!r}, which is fixed to the base, expected a link '
+                'that joints move')
         sets.append(HoldSet(pair_holds(with_weight, arm.joint_kinds), weight))
     for one in sets:
         count = len(one.paired.times)
@@ -184,29 +188,16 @@ def _observations(
     effort = np.concatenate([one.paired.effort for one in sets])
     is_used = np.concatenate([one.paired.is_paired for one in sets])
     T = np.zeros((Y.shape[2], 4)) if tool is None else scale_fit.link_columns(arm, tool.link)
-    loads = np.concatenate([
-        np.tile(_weight_parameters(arm, one.weight), (len(one.paired.times), 1)) for one in sets])
+    known = np.concatenate([one.paired.mean(
+        RigidBody(arm.with_payloads([*arm.payloads, *filter(None, [one.weight])])).gravity_batch(
+            one.paired.positions)) for one in sets])
     if tool is not None and tool.mass is not None:
-        loads += tool.mass * T[:, 0]
-    known = np.einsum('pjk,pk->pj', Y, loads) + np.concatenate([
-        one.paired.mean(RigidBody(arm).gravity_batch(one.paired.positions)) for one in sets])
+        known += Y @ (tool.mass * T[:, 0])
     basis = T[:, :0] if tool is None else T[:, 1:]
     if reference is ScaleReference.WEIGHT:
         _, singular, Vt = np.linalg.svd(Y[is_used], full_matrices=False)
         basis = Vt[singular > _SAME * singular[0]].T  # of what determines these rows
     return scale_fit.Observations(effort, known, Y @ basis, is_used), basis
-
-
-def _weight_parameters(arm: ArmModel, weight: Payload | None) -> FloatArray:
-    """Return the gravity parameters (4 × bodies,) of a weight."""
-    if weight is None:
-        return np.zeros(4 * (arm.pinocchio_model.njoints - 1))
-    columns = scale_fit.link_columns(arm, weight.link)
-    if not columns.any():
-        raise InvalidInputError(
-            f'the weight is on {weight.link!r}, which is fixed to the base, expected a link that '
-            'joints move')
-    return np.asarray(columns @ np.array([weight.mass, *(weight.mass * weight.com)]))
 
 
 def _fit(

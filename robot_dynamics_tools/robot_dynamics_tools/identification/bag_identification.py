@@ -34,13 +34,12 @@ class IdentificationSettings:
     """
     Options of reading recordings, the fraction for training, and the payloads of the arm.
 
-    `recording_payloads` are payloads in only one recording, with the name of its file.
+    Each of the `payloads` has the name of the file of its recording, '' for all recordings.
     """
 
     analysis: AnalysisSettings
     train_fraction: float
-    payloads: tuple[Payload, ...] = ()
-    recording_payloads: tuple[tuple[str, Payload], ...] = ()
+    payloads: tuple[tuple[str, Payload], ...] = ()
 
     def arm(self, joint_names: Sequence[str], recording: str | None = None) -> ArmModel:
         """
@@ -49,8 +48,7 @@ class IdentificationSettings:
         Raises InvalidInputError for a payload that the arm cannot carry.
         """
         arm = arm_from_parameters(self.analysis.urdf, self.analysis.parameters, joint_names)
-        payloads = [*self.payloads, *(
-            payload for name, payload in self.recording_payloads if name == recording)]
+        payloads = [payload for name, payload in self.payloads if name in ('', recording)]
         check_payloads(arm, payloads)
         return arm.with_payloads(payloads)
 

@@ -165,11 +165,11 @@ def _add_lists(page: Page, found: BagIdentification) -> None:
     page.table(summary.fact_rows(found), has_head=False, kind='text')
     for title, lines, kind in (
             ('Contradictions, with their likely causes',
-             summary.contradiction_lines(found), 'loss'),
+             summary.recording_lines(found, 'contradictions'), 'loss'),
             ('Warnings', summary.warnings(found.identification), 'loss'),
             ('Recordings that could not be used',
              [f'{bag}: {error}' for bag, error in found.failed], 'loss'),
-            ('Recordings', summary.recording_lines(found), '')):
+            ('Recordings', summary.recording_lines(found, 'remarks'), '')):
         if lines:
             page.section(title)
             page.items(lines, kind)

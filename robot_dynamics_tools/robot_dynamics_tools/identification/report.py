@@ -147,6 +147,6 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
             'is_known': gains.is_known.tolist(),
             'is_confounded_with_masses': gains.is_confounded.tolist()},
         'factor_to_urdf': np.exp(identification.difference).tolist(),
-        'contradictions': summary.contradiction_lines(found),
+        'contradictions': summary.recording_lines(found, 'contradictions'),
         'warnings': summary.warnings(identification),
     }

@@ -281,15 +281,8 @@ def _of_effort(identification: Identification) -> Iterator[str]:
         yield drive_gains.other_unit(names, identification.seeming_gains)
 
 
-def contradiction_lines(found: BagIdentification) -> list[str]:
-    """Return the likely causes of contradictions, with the names of the recordings."""
-    return [f'{bag.name}: {cause}'
-            for bag, recording in zip(found.bags, found.identification.recordings)
-            for cause in recording.contradictions]
-
-
-def recording_lines(found: BagIdentification) -> list[str]:
-    """Return remarks on the recordings, with their names."""
+def recording_lines(found: BagIdentification, kind: str) -> list[str]:
+    """Return the 'remarks' or likely 'contradictions' of the recordings, with their names."""
     return [f'{bag.name}: {line}'
             for bag, recording in zip(found.bags, found.identification.recordings)
-            for line in recording.remarks]
+            for line in getattr(recording, kind)]

@@ -19,6 +19,7 @@ The mean friction at rest has the prior deviation F. Without this unknown, frict
 the load in every hold, as in an arm that sags, would count as independent errors.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +28,7 @@ from robot_dynamics.model.regressor import COUNT
 from robot_dynamics_tools.estimation.effort_fit import fit_effort, inverse_of, inverse_root, NORMAL
 from robot_dynamics_tools.payload_estimation import variance_groups
 from robot_dynamics_tools.payload_estimation.rows import Column, LoadRows
-from robot_dynamics_tools.payload_estimation.variance_groups import Group, RestRows
+from robot_dynamics_tools.payload_estimation.variance_groups import Group, RestRow
 
 PRIOR_DEVIATION = 100.0
 """Deviation [kg, kg·m, kg·m²] of the parameters without data: no restriction."""
@@ -66,7 +67,7 @@ class Solution:
 
 
 def solve(
-    rows: LoadRows, rests: RestRows, band: FloatArray, scale: FloatArray,
+    rows: LoadRows, rests: Sequence[RestRow], band: FloatArray, scale: FloatArray,
     drive_covariance: FloatArray,
 ) -> Solution:
     """

@@ -3,7 +3,8 @@
 
 """The result of an estimation: values, deviations, verdict, advice and remarks."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +18,7 @@ from robot_dynamics_tools.estimation.effort_fit import decomposed, inverse_of
 from robot_dynamics_tools.payload_estimation.advice import advise, Knowledge
 from robot_dynamics_tools.payload_estimation.information import Solution
 from robot_dynamics_tools.payload_estimation.rows import LoadRows
-from robot_dynamics_tools.payload_estimation.variance_groups import RestRows
+from robot_dynamics_tools.payload_estimation.variance_groups import RestRow
 from robot_dynamics_tools.pseudo_inertia import is_consistent
 
 UNITS = ('kg', *('kg·m',) * 3, *('kg·m²',) * 6)
@@ -41,25 +42,19 @@ _NOTHING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class PayloadEstimate:
+class PayloadEstimate(Solution):
     """
     What is attached to `link`: π = (m, m c, I), each (10,), in the frame of the link.
 
-    `values` [kg, kg·m, kg·m²] have the standard `deviations`: ± 1.96 deviations covers the true
-    value in 95 % of the cases. `verdicts` has one of OBSERVABLE, UNOBSERVABLE, INSEPARABLE (every
-    motion of this arm depends only on a sum with others) and NO_EFFECT. `per_percent` is the error
-    if all measured efforts are 1 % too large. `duration` [s], `holds`, `pairs` and `singles`
-    (rests of single joints) and `blocks` (of motion) count the data. `residual` (n,) is the RMS of
-    the residuals of each joint by that of its effort, NaN without data. `implausible` says why the
-    estimate is physically impossible.
+    `values` [kg, kg·m, kg·m²] have the standard `deviations`, infinite without effect. `verdicts`
+    has one of OBSERVABLE, UNOBSERVABLE, INSEPARABLE (every motion of this arm depends only on a
+    sum with others) and NO_EFFECT. `duration` [s], `holds`, `pairs` and `singles` (rests of single
+    joints) and `blocks` (of motion) count the data. `implausible` says why the estimate is
+    physically impossible.
     """
 
     link: str
-    values: FloatArray
-    deviations: FloatArray
-    covariance: FloatArray
     verdicts: tuple[str, ...]
-    per_percent: FloatArray
     duration: float
     holds: int
     pairs: int
@@ -70,7 +65,6 @@ class PayloadEstimate:
     implausible: tuple[str, ...]
     remarks: tuple[str, ...]
     joint_names: tuple[str, ...]
-    residual: FloatArray
 
     @property
     def mass(self) -> float:
@@ -126,7 +120,7 @@ class PayloadEstimate:
 
 
 def make_result(
-    arm: ArmModel, link: str, solution: Solution, rows: LoadRows, rests: RestRows,
+    arm: ArmModel, link: str, solution: Solution, rows: LoadRows, rests: Sequence[RestRow],
     band: FloatArray, block: float, position: FloatArray | None, with_advice: bool,
     scale_deviation: float,
 ) -> PayloadEstimate:
@@ -149,13 +143,15 @@ def make_result(
     remarks = _unknown_errors(arm, scale_deviation, float(solution.of_drives[0]))
     if all(verdict == OBSERVABLE for verdict in verdicts) and not is_consistent(solution.values):
         remarks += ('no mass distribution has the estimated inertia: its error is too large',)
+    pairs = sum(one.is_paired for one in rests)
     deviations = np.where([one == NO_EFFECT for one in verdicts], np.inf, solution.deviations)
     return PayloadEstimate(
-        link, solution.values, deviations, solution.covariance, verdicts,
-        solution.per_percent, rows.duration, rows.holds, int(rests.paired.sum()),
-        int((~rests.paired).sum()), int(rows.count.sum()),
-        _friction_text(rests, band), advice, _implausible(arm, solution, verdicts), remarks,
-        arm.joint_names, solution.residual)
+        **vars(replace(solution, deviations=deviations)), link=link, verdicts=verdicts,
+        duration=rows.duration, holds=rows.holds, pairs=pairs,
+        singles=len(rests) - pairs, blocks=int(rows.count.sum()),
+        friction=_friction_text(pairs, len(rests) - pairs, band), advice=advice,
+        implausible=_implausible(arm, solution, verdicts), remarks=remarks,
+        joint_names=arm.joint_names)
 
 
 def _unknown_errors(arm: ArmModel, scale_deviation: float, of_drives: float) -> tuple[str, ...]:
@@ -186,9 +182,8 @@ def _verdicts(regressor: LoadRegressor, solution: Solution, limit: FloatArray) -
             has_effect, decomposed(Y * has_effect).is_lost, solution.deviations, limit))
 
 
-def _friction_text(rests: RestRows, band: FloatArray) -> str:
+def _friction_text(pairs: int, singles: int, band: FloatArray) -> str:
     """Return how dry friction at rest is treated."""
-    pairs, singles = int(rests.paired.sum()), int((~rests.paired).sum())
     if not pairs + singles:
         return 'no rest is used: dry friction at rest has no effect'
     known = 'within the dry friction of the model' if band.any() else (
