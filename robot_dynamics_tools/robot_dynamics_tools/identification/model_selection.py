@@ -61,10 +61,9 @@ class CrossValidation:
         self._train = [regularized_fit.grams_of(information.all_but(i)) for i in information.folds]
         self._block = [regularized_fit.grams_of(information.block(i)) for i in information.folds]
         self.all = regularized_fit.grams_of(information.together())
-        rows = information.rows[::2].sum()
         self.effort_power = np.sum([grams[:, -1, -1] for grams in self._block], axis=0)
         self.is_measured = information.is_measured
-        self.rows = max(float(rows), 1.0)
+        self.rows = max(float(information.rows[::2].sum()), 1.0)
 
     def squares(self, problem: regularized_fit.Problem) -> FloatArray:
         """Return the sum of squared residuals on each omitted block, (f, n)."""

@@ -165,10 +165,10 @@ class Problem(NamedTuple):
     def linear(self, joint: int, width: int) -> FloatArray:
         """Return the matrix (width, u) from x to the columns of the factor of a joint."""
         columns, part = self.own[joint]
-        linear = np.eye(self.prior.count, self.size)
-        linear = np.pad(linear, ((0, width - len(linear)), (0, 0)))
+        linear = np.zeros((width, self.size))
+        np.fill_diagonal(linear[:self.prior.count], 1.0)
         linear[columns, part] = np.eye(len(columns))
-        return np.asarray(linear)
+        return linear
 
     def prior_rows(self) -> tuple[FloatArray, FloatArray]:
         """Return W (u, u) and m (u,) of the prior, whose cost is ½ |W (x − m)|²."""
@@ -201,12 +201,17 @@ def solve(grams: FloatArray, problem: Problem) -> Fit:
     The solution is fast, for selecting models.
     """
     p, (W, mean) = problem.prior.count, problem.prior_rows()
-    H = W.T @ W
+    H = np.diag(np.diag(W)**2)
+    H[:p, :p] = W[:p, :p].T @ W[:p, :p]
     g = H @ mean
     for (columns, part), weight, gram in zip(problem.own, problem.weights, grams):
-        places, of_factor = np.r_[:p, part], np.r_[:p, columns]
-        H[np.ix_(places, places)] += weight * gram[np.ix_(of_factor, of_factor)]
-        g[places] += weight * gram[of_factor, -1]
+        G = weight * gram
+        H[:p, :p] += G[:p, :p]
+        H[:p, part] = G[:p, columns]
+        H[part, :p] = H[:p, part].T
+        H[part, part] += G[np.ix_(columns, columns)]
+        g[:p] += G[:p, -1]
+        g[part] += G[columns, -1]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
     x = scale * np.linalg.solve(
         scale[:, np.newaxis] * H * scale + _RIDGE * np.eye(len(g)), scale * g)
