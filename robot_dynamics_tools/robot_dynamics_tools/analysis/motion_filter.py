@@ -91,9 +91,13 @@ class FilteredMotion:
         kept = (t + delay >= first) & (t + delay <= last)
         late = self.with_efforts(lambda effort: np.stack([
             np.interp(t + delay, t, column) for column in effort.T], axis=1))
-        return replace(late, **{
-            field.name: getattr(late, field.name)[kept] for field in fields(late)
-            if isinstance(getattr(late, field.name), np.ndarray)})
+        return late.at(kept)
+
+    def at(self, rows: IntArray | BoolArray | slice) -> 'FilteredMotion':
+        """Return the samples of these rows."""
+        return replace(self, **{
+            field.name: getattr(self, field.name)[rows] for field in fields(self)
+            if isinstance(getattr(self, field.name), np.ndarray)})
 
 
 def filter_motion(series: JointSeries, cutoff_hz: float | None = None) -> FilteredMotion:

@@ -87,13 +87,11 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     is_current = True if settings.seeks_stiffness or arguments.effort == 'current' else (
         None if arguments.effort == 'auto' else False)
     settings = replace(settings, effort_is_current=bool(is_current))
-    payloads = [
+    payloads = tuple(
         (recording, make_payload(link, values[0], values[1:] or (0.0, 0.0, 0.0)))
-        for recording, link, values in arguments.payload]
+        for recording, link, values in arguments.payload)
     identification = bag_identification.IdentificationSettings(
-        settings, arguments.train_fraction,
-        tuple(load for recording, load in payloads if not recording),
-        tuple((recording, load) for recording, load in payloads if recording))
+        settings, arguments.train_fraction, payloads)
     for recording in {'', *(recording for recording, _ in payloads)}:
         if recording and recording not in [bag.name for bag in bags]:
             raise InvalidInputError(
@@ -132,8 +130,9 @@ def print_identification(
     identification = found.identification
     print(text_table([], summary.fact_rows(found)))
     options.print_list(
-        'Contradictions, with their likely causes:', summary.contradiction_lines(found))
-    options.print_list('Recordings:', summary.recording_lines(found))
+        'Contradictions, with their likely causes:',
+        summary.recording_lines(found, 'contradictions'))
+    options.print_list('Recordings:', summary.recording_lines(found, 'remarks'))
     print(f'\n{summary.residual_title(identification)}, RMS relative to the effort:')
     print(quantity_table(summary.residual_rows(identification)))
     print('\nResidual by the noise of the effort:')

@@ -66,6 +66,25 @@ def decomposed(A: FloatArray, rcond: float = 1e-9) -> Decomposition:
         float(s[0] / s[-1]) if len(s) else np.inf)
 
 
+def inverse_root(A: FloatArray, rounding: float = 1e-15) -> FloatArray:
+    """
+    Return W (..., k, k) with WᵀW = A⁻¹ of symmetric positive definite matrices A.
+
+    Eigenvalues below `rounding`, relative to a unit diagonal, count as this: WᵀW is positive
+    definite also if rounding errors exceed the smallest eigenvalue.
+    """
+    scale = 1.0 / np.sqrt(np.diagonal(A, axis1=-2, axis2=-1))
+    values, vectors = np.linalg.eigh(A * scale[..., :, None] * scale[..., None, :])
+    return np.asarray(np.swapaxes(vectors, -1, -2) * scale[..., None, :] / np.sqrt(
+        np.maximum(values, rounding))[..., :, None])
+
+
+def inverse_of(A: FloatArray) -> FloatArray:
+    """Return the inverse (..., k, k) of symmetric positive definite matrices, which is such."""
+    W = inverse_root(A)
+    return np.asarray(np.swapaxes(W, -1, -2) @ W)
+
+
 class Rows(NamedTuple):
     """
     A group of rows z (c,), reduced to R (k, c) with RᵀR = Σ w z zᵀ, and their model.
@@ -148,11 +167,11 @@ Variances = Callable[[FloatArray, FloatArray, FloatArray], tuple[FloatArray, Flo
 
 
 def residual_variances(
-    _: FloatArray, squares: FloatArray, free: FloatArray,
+    _: FloatArray, squares: FloatArray, free: FloatArray, least: float = 1e-30,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the mean squares of residuals, relative to the free rows, at least 1."""
     freedom = np.maximum(free, 1.0)
-    return np.maximum(squares / freedom, 1e-30), freedom
+    return np.maximum(squares / freedom, least), freedom
 
 
 def fit_effort(

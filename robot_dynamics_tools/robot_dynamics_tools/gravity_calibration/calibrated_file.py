@@ -34,17 +34,15 @@ def calibrated_file(
     """
     document = load_yaml(given, 'a parameter file') or {}
     present = [name for name in SECTIONS if isinstance(document.get(name), dict)] or ['/**']
-    joints = list(found.arm.joint_names)
+    sections = [document.setdefault(name, {}).setdefault('ros__parameters', {})
+                for name in present]
     before: dict[str, Any] = {}
-    has_joints = False
-    for name in present:
-        values = document.setdefault(name, {}).setdefault('ros__parameters', {})
+    for values in sections:
         before |= _taken_out(values, command is not None)
-        joints = list(values.get('joints') or joints)
-        has_joints |= bool(values.get('joints'))
-    values = document[present[-1]]['ros__parameters']
-    if not has_joints:
-        values['joints'] = joints
+    values = sections[-1]
+    if not any(section.get('joints') for section in sections):
+        values['joints'] = list(found.arm.joint_names)
+    joints = [section['joints'] for section in sections if section.get('joints')][-1]
     values['effort'] = {**values.get('effort', {}), **{
         f'{direction}_{name}': _in_order(
             one, joints, before.get(f'effort.{direction}_{name}') or [default], name)

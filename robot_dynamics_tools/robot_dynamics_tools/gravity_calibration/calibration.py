@@ -116,6 +116,10 @@ def calibrate_holds(
             'expected both or none')
     sets = [HoldSet(pair_holds(without_weight, arm.joint_kinds))]
     if weight is not None:
+        if arm.link_frame(weight.link, 'link').parentJoint == 0:
+            raise InvalidInputError(
+                f'the weight is on {weight.link!r}, which is fixed to the base, expected a link '
+                'that joints move')
         sets.append(HoldSet(pair_holds(with_weight, arm.joint_kinds), weight))
     for one in sets:
         count = len(one.paired.times)
@@ -183,33 +187,17 @@ def _observations(
         one.paired.mean(scale_fit.gravity_regressor(arm, one.paired.positions)) for one in sets])
     effort = np.concatenate([one.paired.effort for one in sets])
     is_used = np.concatenate([one.paired.is_paired for one in sets])
-    loads = np.concatenate([
-        np.tile(_weight_parameters(arm, one.weight), (len(one.paired.times), 1)) for one in sets])
-    known = np.einsum('pjk,pk->pj', Y, loads)
+    T = np.zeros((Y.shape[2], 4)) if tool is None else scale_fit.link_columns(arm, tool.link)
+    known = np.concatenate([one.paired.mean(
+        RigidBody(arm.with_payloads([*arm.payloads, *filter(None, [one.weight])])).gravity_batch(
+            one.paired.positions)) for one in sets])
+    if tool is not None and tool.mass is not None:
+        known += Y @ (tool.mass * T[:, 0])
+    basis = T[:, :0] if tool is None else T[:, 1:]
     if reference is ScaleReference.WEIGHT:
         _, singular, Vt = np.linalg.svd(Y[is_used], full_matrices=False)
         basis = Vt[singular > _SAME * singular[0]].T  # of what determines these rows
-        return scale_fit.Observations(effort, known, Y @ basis, is_used), basis
-    known += np.concatenate([
-        one.paired.mean(RigidBody(arm).gravity_batch(one.paired.positions)) for one in sets])
-    basis = np.zeros((Y.shape[2], 0))
-    if tool is not None and tool.mass is not None:
-        T = scale_fit.link_columns(arm, tool.link)
-        known += Y @ (T[:, 0] * tool.mass)
-        basis = T[:, 1:]
     return scale_fit.Observations(effort, known, Y @ basis, is_used), basis
-
-
-def _weight_parameters(arm: ArmModel, weight: Payload | None) -> FloatArray:
-    """Return the gravity parameters (4 × bodies,) of a weight."""
-    if weight is None:
-        return np.zeros(4 * (arm.pinocchio_model.njoints - 1))
-    columns = scale_fit.link_columns(arm, weight.link)
-    if not columns.any():
-        raise InvalidInputError(
-            f'the weight is on {weight.link!r}, which is fixed to the base, expected a link that '
-            'joints move')
-    return np.asarray(columns @ np.array([weight.mass, *(weight.mass * weight.com)]))
 
 
 def _fit(
@@ -217,7 +205,7 @@ def _fit(
 ) -> tuple[EffortFit, BoolArray]:
     """Return the fit, and which joints have an observable scale; the others are `assumed`."""
     n = arm.joint_count
-    fit = scale_fit.fit_scales(seen, np.full(n, np.nan))
+    fit = scale_fit.fit_scales(seen, assumed, np.ones(n, dtype=np.bool_))
     deviation = fit.spread(np.eye(n, len(fit.values))).deviation
     is_observable = seen.is_used.any(axis=0) & (deviation < UNOBSERVABLE * np.abs(fit.values[:n]))
     if not is_observable.any():
@@ -228,7 +216,7 @@ def _fit(
             f'standard deviation {noise.round(3).tolist()}, expected poses in which the gravity '
             'torque differs more')
     if not is_observable.all():
-        fit = scale_fit.fit_scales(seen, np.where(is_observable, np.nan, assumed))
+        fit = scale_fit.fit_scales(seen, assumed, is_observable)
     return fit, is_observable
 
 

@@ -22,7 +22,7 @@ from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.worst_gravity import search_box
 from robot_dynamics.validation import check_vector
 from robot_dynamics_tools.gravity_calibration.holds import per_joint
-from robot_dynamics_tools.gravity_calibration.scale_fit import gravity_regressor, joint_columns
+from robot_dynamics_tools.gravity_calibration.scale_fit import gravity_regressor, Observations
 
 COUNTS = 8, 20
 """Smallest and largest number of poses."""
@@ -117,7 +117,9 @@ def _candidates(
 
 def _information_rows(arm: ArmModel, q: FloatArray, gravity: FloatArray) -> FloatArray:
     """Return the Jacobian (m, n, 2n + 3) of the effort, each column of size 1."""
-    J = joint_columns(gravity, 1.0, gravity_regressor(arm, q)[:, :, -3:])
+    seen = Observations(gravity, gravity, gravity_regressor(arm, q)[:, :, -3:], gravity == gravity)
+    exact = np.concatenate([np.ones(arm.joint_count), np.zeros(arm.joint_count + 3)])
+    J = np.stack([seen.rows(j).jacobian(exact) for j in range(arm.joint_count)], axis=1)
     limit = arm.limits.effort  # the noise of each joint is proportional to it
     noise = np.where(
         np.isfinite(limit) & (limit > 0.0), limit, np.maximum(np.abs(gravity).max(axis=0), 1e-9))

@@ -116,41 +116,34 @@ def is_accepted(found: Calibration) -> bool:
 def _verdict(found: Calibration, j: int) -> Verdict:
     name, unit = found.arm.joint_names[j], units_of(found.arm.joint_kinds[j]).effort
     limit = float(found.arm.given_report.limit[j])
-    offset, of_offset = float(found.offset[j]), float(found.offset_interval[j])
+    scale, of_scale, offset, of_offset = (float(values[j]) for values in (
+        found.scale, found.scale_interval, found.offset, found.offset_interval))
+    at_zero = f'offset {offset:.3g} ± {of_offset:.2g} {unit}'
+    kept = f'scale {scale:.4g} is kept; {at_zero}'
+    text = f'scale {scale:.4g} ± {of_scale:.2g}, {at_zero}'
+    least = UNLOADED * found.reachable_range.max()
     if not found.has_enough_poses[j]:
         return Verdict(name, Grade.UNKNOWN, (
             f'approached from both sides in {found.pose_count[j]} poses, expected at least '
-            f'{LEAST_POSES}: scale {found.scale[j]:.4g} and offset {offset:.3g} {unit} are '
-            'kept'), SIDES)
-    at_zero = f'offset {offset:.3g} ± {of_offset:.2g} {unit}'
+            f'{LEAST_POSES}: scale {scale:.4g} and offset {offset:.3g} {unit} are kept'), SIDES)
     if abs(offset) > LARGEST_OFFSET * limit:
         return Verdict(name, Grade.BAD, (
             f'{at_zero} is above {100.0 * LARGEST_OFFSET:g} % of the effort limit '
             f'{limit:g} {unit}'), INPUTS)
     if not found.is_observable[j]:
-        return _unobservable(found, j, at_zero)
-    scale, of_scale = float(found.scale[j]), float(found.scale_interval[j])
-    text = f'scale {scale:.4g} ± {of_scale:.2g}, {at_zero}'
+        if max(found.reachable_range[j], found.torque_range[j]) <= least:
+            return Verdict(name, Grade.UNKNOWN, (
+                f'gravity does not load this joint: {kept}'), OTHER_SOURCE)
+        return Verdict(name, Grade.UNKNOWN, (
+            f'the gravity torque varies by {found.torque_range[j]:.3g} {unit} in the poses, '
+            f'within the limits by {found.reachable_range[j]:.3g} {unit}; the effort has the '
+            f'standard deviation {found.noise[j]:.2g} {unit}: {kept}'), _more(found))
     if not LEAST_SCALE <= abs(scale) <= LARGEST_SCALE:
         return Verdict(name, Grade.BAD, (
-            f'{text}: the scale is not in '
-            f'±[{LEAST_SCALE:g}, {LARGEST_SCALE:g}]'), INPUTS)
+            f'{text}: the scale is not in ±[{LEAST_SCALE:g}, {LARGEST_SCALE:g}]'), INPUTS)
     if of_scale <= GOOD_SCALE * abs(scale) and of_offset <= GOOD_OFFSET * limit:
         return Verdict(name, Grade.GOOD, text, USE)
     return Verdict(name, Grade.CHECK, text, _more(found))
-
-
-def _unobservable(found: Calibration, j: int, at_zero: str) -> Verdict:
-    name, unit = found.arm.joint_names[j], units_of(found.arm.joint_kinds[j]).effort
-    kept = f'scale {found.scale[j]:.4g} is kept; {at_zero}'
-    if found.reachable_range[j] <= UNLOADED * found.reachable_range.max() and (
-            found.torque_range[j] <= UNLOADED * found.reachable_range.max()):
-        return Verdict(name, Grade.UNKNOWN, (
-            f'gravity does not load this joint: {kept}'), OTHER_SOURCE)
-    return Verdict(name, Grade.UNKNOWN, (
-        f'the gravity torque varies by {found.torque_range[j]:.3g} {unit} in the poses, within '
-        f'the limits by {found.reachable_range[j]:.3g} {unit}; the effort has the standard '
-        f'deviation {found.noise[j]:.2g} {unit}: {kept}'), _more(found))
 
 
 def _more(found: Calibration) -> str:

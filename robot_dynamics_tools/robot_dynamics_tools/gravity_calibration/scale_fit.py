@@ -6,19 +6,19 @@ The fit of effort scales, offsets and gravity parameters to efforts at rest (`ef
 
 Gravity torque at rest is linear in masses and first moments: g(q) = Y(q) φ, with
 φ = (m, m c_x, m c_y, m c_z) of a body, [kg] and [kg·m], in the frame of its link.
-The driver's effort at rest, without friction, is e_j = k_j (a_j + Y_j β) + o_j, with the known
-gravity torque a, unknown gravity parameters β, offset o and k = 1 / s of the scale s. In s, s o
-and β the equation s_j e_j − s_j o_j − Y_j β = a_j is linear, which gives the first values. A tool
-on a link is a combination of gravity parameters.
+The driver's effort at rest, without friction, is e_j = k_j (a_j + Y_j β) + o_j, with the gravity
+torque a of the URDF and of a known weight, unknown changes β of gravity parameters, offset o and
+k = 1 / s of the scale s. A tool on a link is a combination of gravity parameters.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.regressor import COUNT, inertial_parameters, TorqueRegressor
+from robot_dynamics.model.regressor import COUNT, TorqueRegressor
 from robot_dynamics_tools.estimation import effort_fit
 from robot_dynamics_tools.estimation.priors import SCALE_DEVIATION
 
@@ -27,11 +27,6 @@ NAMES = ('m', 'mx', 'my', 'mz')
 UNITS = ('kg', 'kg·m', 'kg·m', 'kg·m')
 _LEAST_NOISE = 1e-10
 """Smallest standard deviation of the effort, relative to its largest value."""
-
-
-def gravity_parameters(arm: ArmModel) -> FloatArray:
-    """Return φ (4 × bodies,) of the arm, with its payload."""
-    return inertial_parameters(arm).reshape(-1, COUNT)[:, :len(NAMES)].ravel()
 
 
 def gravity_regressor(arm: ArmModel, q: FloatArray) -> FloatArray:
@@ -86,54 +81,21 @@ class Observations:
         return np.asarray(self.known + self.columns @ fit.values[2 * self.effort.shape[1]:])
 
 
-def joint_columns(of_scale: FloatArray, of_offset: float, of_beta: FloatArray) -> FloatArray:
-    """
-    Return equations (P, n, 2n + k), in which each joint has separate columns.
-
-    Their coefficients are `of_scale` (P, n) and `of_offset` for the scale and the offset of the
-    joint, and `of_beta` (P, n, k) for the parameters of all joints.
-    """
-    P, n, count = of_beta.shape
-    A = np.zeros((P, n, 2 * n + count))
-    joints = np.arange(n)
-    A[:, joints, joints] = of_scale
-    A[:, joints, n + joints] = of_offset
-    A[:, :, 2 * n:] = of_beta
-    return A
-
-
-def fit_scales(seen: Observations, assumed: FloatArray) -> effort_fit.EffortFit:
+def fit_scales(
+    seen: Observations, assumed: FloatArray, is_free: BoolArray,
+) -> effort_fit.EffortFit:
     """
     Return the fit of k (n,), o (n,) [N·m] or [N] and β (k,), in this order.
 
-    k is pulled to `assumed` (n,) with SCALE_DEVIATION, and is free where that is NaN.
+    k is pulled to `assumed` (n,) with SCALE_DEVIATION, unless it `is_free` (n,).
     """
-    n, start = len(assumed), _first_values(seen)
-    start[:n] = np.where(np.isfinite(assumed), assumed, start[:n])
-    W = np.diag(np.isfinite(assumed) / SCALE_DEVIATION) @ np.eye(n, len(start))
+    n, size = len(assumed), seen.columns.shape[2]
+    start = np.concatenate([assumed, np.zeros(n + size)])
+    W = np.diag(~is_free / SCALE_DEVIATION) @ np.eye(n, len(start))
     floor = (_LEAST_NOISE * max(float(np.abs(seen.effort).max(initial=0.0)), 1e-3))**2
-
-    def variances(
-        theta: FloatArray, squares: FloatArray, free: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        found, freedom = effort_fit.residual_variances(theta, squares, free)
-        return np.maximum(found, floor), freedom
-
     return effort_fit.fit_effort(
-        [seen.rows(j) for j in range(n)], start, None, lambda _: W, variances)
-
-
-def _first_values(seen: Observations) -> FloatArray:
-    """Return k, o and β of the linear equation, with a weak pull of s to 1."""
-    A = joint_columns(seen.effort, -1.0, -seen.columns)
-    _, n, size = A.shape
-    used = seen.is_used.ravel()
-    weak = 1e-6 * max(float(np.abs(seen.effort).max(initial=0.0)), 1e-3)
-    x = np.linalg.lstsq(
-        np.concatenate([A.reshape(-1, size)[used], weak * np.eye(n, size)]),
-        np.concatenate([seen.known.ravel()[used], np.full(n, weak)]), rcond=1e-12)[0]
-    scale = np.where(np.abs(x[:n]) > 0.1, x[:n], 1.0)
-    return np.concatenate([1.0 / scale, x[n:2 * n] / scale, x[2 * n:]])
+        [seen.rows(j) for j in range(n)], start, None, lambda _: W,
+        partial(effort_fit.residual_variances, least=floor))
 
 
 def linear_fit(A: FloatArray, covariance: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -142,8 +104,7 @@ def linear_fit(A: FloatArray, covariance: FloatArray) -> tuple[FloatArray, BoolA
 
     b (m,) has this covariance (m, m).
     """
-    variance, axes = np.linalg.eigh(covariance)
-    rows = axes.T / np.sqrt(np.maximum(variance, 1e-12 * variance[-1]))[:, None]
+    rows = effort_fit.inverse_root(covariance, 1e-12)
     found = effort_fit.decomposed(rows @ A)
     return np.asarray(found.inverse @ rows), found.is_lost
 
@@ -176,22 +137,19 @@ def estimate_tool(
     """
     Return the tool; `basis` (4 × bodies, k) are the gravity parameters of β of the fit.
 
-    With a known weight, β is the whole arm, and the tool is the difference to the URDF. Otherwise
-    β are the first moments.
+    With a known weight, β is any change of the arm, and the tool is its part on the link.
+    Otherwise β are the first moments.
     """
-    n = arm.joint_count
+    n, beta = arm.joint_count, slice(2 * arm.joint_count, None)
     given = np.array([] if tool.mass is None else [tool.mass])
-    known, of_unknown = ~fit.solution.is_lost[2 * n:], slice(len(given), len(NAMES))
-    beta = target = fit.values[2 * n:]
-    G = np.eye(len(beta))
-    is_lost = ~known
+    is_lost = fit.solution.is_lost[beta]
+    G = np.eye(len(is_lost))
     if has_weight:
-        T = basis.T @ link_columns(arm, tool.link)
-        target = beta - basis.T @ gravity_parameters(arm) - T[:, :len(given)] @ given
-        G = np.zeros((len(NAMES) - len(given), len(beta)))
+        T, known = basis.T @ link_columns(arm, tool.link)[:, len(given):], ~is_lost
+        G = np.zeros((T.shape[1], len(T)))
         G[:, known], is_lost = linear_fit(
-            T[known, of_unknown], fit.covariance[2 * n:, 2 * n:][np.ix_(known, known)])
+            T[known], fit.covariance[beta, beta][np.ix_(known, known)])
     spread = fit.spread(np.column_stack([np.zeros((len(G), 2 * n)), G]))
     no_spread = np.zeros(len(given))
-    return ToolEstimate(tool.link, np.concatenate([given, G @ target]), *(
+    return ToolEstimate(tool.link, np.concatenate([given, G @ fit.values[beta]]), *(
         np.concatenate([no_spread, np.where(is_lost, np.inf, one)]) for one in spread))

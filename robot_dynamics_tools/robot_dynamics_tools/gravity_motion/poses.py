@@ -12,7 +12,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.urdf.yaml_text import load_yaml
 from robot_dynamics.validation import check_scalar, LARGEST_VALUE
@@ -94,8 +94,7 @@ def read_poses(file: Path, joint_names: Sequence[str], least: int = LEAST_POSES)
 def gravity_share(arm: ArmModel, poses: FloatArray, weight: Payload | None = None) -> FloatArray:
     """Return |g| at the poses as a share of the effort limits, (m, n); 0 without a limit."""
     loaded = arm if weight is None else arm.with_payloads([*arm.payloads, weight])
-    dynamics = ArmDynamics(loaded)
-    return np.array([np.abs(dynamics.gravity(q)) for q in poses]) / arm.limits.effort
+    return np.asarray(np.abs(RigidBody(loaded).gravity_batch(poses)) / arm.limits.effort)
 
 
 def _pose(number: int, entry: object, joint_names: Sequence[str]) -> list[float]:

@@ -3,9 +3,10 @@
 
 """The calibration motion of a running node: confirmation, recordings, weight, orderly end."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 import sys
 import time
@@ -25,12 +26,11 @@ from robot_dynamics_tools.gravity_motion.plan import (
     make_plan,
     MotionPlan,
     MotionSettings,
-    Move,
     within_a_turn,
 )
 from robot_dynamics_tools.gravity_motion.poses import chosen_poses, PoseChoice
 from robot_dynamics_tools.gravity_motion.preview import preview
-from robot_dynamics_tools.gravity_motion.watch import ArmWatch, Publish
+from robot_dynamics_tools.gravity_motion.watch import ArmWatch
 from robot_dynamics_tools.recorder import Recorder, write_description
 from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm, uninterrupted
 from robot_dynamics_tools.recordings.writer import prepare_recording, RecordingWriter
@@ -202,19 +202,13 @@ class CalibrationMotion:
             with (goal_publication(self._client, plan.arm.joint_names) as publish,
                   Progress(plan.seconds, 's') as progress):
                 for _, move in plan.moves():
-                    self._move(move, publish, passed, progress.update)
+                    self._has_moved = True
+                    watch.move(move, publish, partial(_show, progress, passed, move.duration))
                     if move.hold:
                         watch.wait_held(move.goal, move.hold, plan.tolerance)
                         self._holds += 1
                     passed += move.duration + move.hold
                     progress.update(passed)
-
-    def _move(
-        self, move: Move, publish: Publish, passed: float, on_progress: Callable[[float], None],
-    ) -> None:
-        self._has_moved = True
-        self._watch.move(
-            move, publish, lambda seconds: on_progress(passed + min(seconds, move.duration)))
 
     def _stop(self) -> None:
         """Call ~/stop if the arm has moved; a second signal waits for the answer."""
@@ -271,6 +265,10 @@ class CalibrationMotion:
     def _set_payload(self, payload: Payload) -> str:
         return str(self._client.call(SetPayload, 'set_payload', SetPayload.Request(
             payload=payload_to_ros(payload), transition_time=TRANSITION)).message)
+
+
+def _show(progress: Progress, passed: float, most: float, seconds: float) -> None:
+    progress.update(passed + min(seconds, most))
 
 
 # ------------------------------------------------------------------------------ before the motion

@@ -12,7 +12,6 @@ processes or on a cluster.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +23,10 @@ from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.payload_check import check_payloads
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_for_arm
 from robot_dynamics_tools.analysis.bag_analysis import with_joint_effort
-from robot_dynamics_tools.analysis.batch import Outcome, Task, TaskOutcome
+from robot_dynamics_tools.analysis.batch import Task, TaskOutcome
 from robot_dynamics_tools.analysis.motion_filter import filter_motion
 from robot_dynamics_tools.identification import pipeline, steps
 from robot_dynamics_tools.identification.friction_regressor import LEAST_TRAVEL, scales_of
-from robot_dynamics_tools.identification.qr_information import QrInformation
 
 
 @dataclass(frozen=True)
@@ -36,13 +34,12 @@ class IdentificationSettings:
     """
     Options of reading recordings, the fraction for training, and the payloads of the arm.
 
-    `recording_payloads` are payloads in only one recording, with the name of its file.
+    Each of the `payloads` has the name of the file of its recording, '' for all recordings.
     """
 
     analysis: AnalysisSettings
     train_fraction: float
-    payloads: tuple[Payload, ...] = ()
-    recording_payloads: tuple[tuple[str, Payload], ...] = ()
+    payloads: tuple[tuple[str, Payload], ...] = ()
 
     def arm(self, joint_names: Sequence[str], recording: str | None = None) -> ArmModel:
         """
@@ -51,8 +48,7 @@ class IdentificationSettings:
         Raises InvalidInputError for a payload that the arm cannot carry.
         """
         arm = arm_from_parameters(self.analysis.urdf, self.analysis.parameters, joint_names)
-        payloads = [*self.payloads, *(
-            payload for name, payload in self.recording_payloads if name == recording)]
+        payloads = [payload for name, payload in self.payloads if name in ('', recording)]
         check_payloads(arm, payloads)
         return arm.with_payloads(payloads)
 
@@ -77,16 +73,8 @@ def read_motion(bag: Path, settings: IdentificationSettings) -> steps.FilteredAr
     return steps.prepared_motion(arm, motion, settings.train_fraction, remarks)
 
 
-def reduce_task(bag: Path, task: tuple[IdentificationSettings, steps.Reduction]) -> QrInformation:
-    """Return the information in a recording; raise like `read_motion` and the step."""
-    settings, step = task
-    return step(read_motion(bag, settings))
-
-
-def evaluate_task(
-    bag: Path, task: tuple[IdentificationSettings, steps.Evaluation],
-) -> steps.EvaluatedRecording:
-    """Return the tests of models on a recording; raise the errors of `read_motion`."""
+def run_step(bag: Path, task: tuple[IdentificationSettings, steps.Step]) -> Any:
+    """Return the result of a step on a recording; raise like `read_motion` and the step."""
     settings, step = task
     return step(read_motion(bag, settings))
 
@@ -124,11 +112,9 @@ def identify_bags(
     """
     left, failed = list(bags), dict[Path, str]()
 
-    def results(
-        task: Task[Any, Outcome], step: steps.Reduction | steps.Evaluation,
-    ) -> list[Outcome]:
+    def results(step: steps.Step) -> list[Any]:
         nonlocal left
-        outcomes: list[TaskOutcome[Outcome]] = run(task, left, (settings, step))
+        outcomes = run(run_step, left, (settings, step))
         done = [(each.bag, each.result) for each in outcomes if each.result is not None]
         left = [bag for bag, _ in done]
         failed.update((each.bag, each.error) for each in outcomes if each.result is None)
@@ -137,8 +123,7 @@ def identify_bags(
                 f'{bag.name}: {error}' for bag, error in failed.items()))
         return [result for _, result in done]
 
-    recordings = pipeline.Recordings(
-        settings.arm, partial(results, reduce_task), partial(results, evaluate_task))
+    recordings = pipeline.Recordings(settings.arm, results)
     found = pipeline.observability(recordings, effort_is_current) if dry_run else (
         pipeline.identify_recordings(recordings, effort_is_current, on_stage, keeps_samples))
     return BagIdentification(

@@ -14,7 +14,7 @@ own inertials if the remainder is a valid mass distribution; otherwise they keep
 them (`kept_fractions`). The rest of the URDF is unchanged.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -60,7 +60,12 @@ def identified_urdf(
     Bodies whose φ is unchanged keep their elements. Raises ModelError if a body is not physically
     consistent.
     """
-    links = {name: _inertial(phi) for name, phi in _changed_links(urdf, arm, parameters).items()}
+    links: dict[str, str] = {}
+    for main, phi, fixed, fraction in _bodies(urdf, arm, parameters):
+        kept = fraction * sum((body for _, body in fixed.values()), start=np.zeros(COUNT))
+        links[main] = _inertial(phi - kept)
+        if fraction < 1.0:
+            links |= {name: _inertial(fraction * own) for name, (own, _) in fixed.items()}
     dynamics = {
         name: {'damping': _text(damping), 'friction': _text(friction)}
         for name, damping, friction in zip(arm.joint_names, viscous, dry)}
@@ -77,17 +82,6 @@ def kept_fractions(urdf: str, arm: ArmModel, parameters: FloatArray) -> dict[str
     return {
         link: fraction for _, _, fixed, fraction in _bodies(urdf, arm, parameters)
         if fraction < 1.0 for link in fixed}
-
-
-def _changed_links(urdf: str, arm: ArmModel, parameters: FloatArray) -> dict[str, FloatArray]:
-    """Return φ (10,) of each link whose inertial changes, in the frame of the link."""
-    changed: dict[str, FloatArray] = {}
-    for main, phi, fixed, fraction in _bodies(urdf, arm, parameters):
-        in_body = [body for _, body in fixed.values()]
-        changed[main] = phi - fraction * sum(in_body, start=np.zeros(COUNT))
-        if fraction < 1.0:
-            changed.update({name: fraction * own for name, (own, _) in fixed.items()})
-    return changed
 
 
 def _bodies(urdf: str, arm: ArmModel, parameters: FloatArray) -> Iterator[
@@ -178,7 +172,7 @@ def parameter_values(
     """
     friction, offset = fitted_friction(arm, fit), fitted_offset(fit)
 
-    def rounded(found: Sequence[float]) -> list[float]:
+    def rounded(found: Iterable[float]) -> list[float]:
         return [float(f'{value:.{_DIGITS}g}') for value in found]
 
     replaced = ('friction.', 'robot_description', 'uncertainty.', *(
@@ -191,28 +185,27 @@ def parameter_values(
         **{f'friction.{field.name}': rounded(getattr(friction, field.name))
            for field in FRICTION_FIELDS if field.heading},
     }
-    rotors = rounded(fit.joint_values[:, friction_regressor.INERTIA].tolist())
-    if any(rotors):
+    if any(rotors := rounded(fit.joint_values[:, friction_regressor.INERTIA])):
         values['actuator.reflected_inertia'] = rotors
     gain = np.ones(arm.joint_count) if drive_gain is None else np.asarray(drive_gain)
     sign, gain = np.sign(gain), np.abs(gain)
     if drive_gain is not None and is_stiffness:
-        values['drive.stiffness'] = rounded(gain.tolist())
+        values['drive.stiffness'] = rounded(gain)
     elif drive_gain is not None:
         # N = 1: only N K_t was identified.
         values['actuator.gear_ratio'] = [1.0]
-        values['actuator.torque_constant'] = rounded(gain.tolist())
+        values['actuator.torque_constant'] = rounded(gain)
     if arm.drive is not None:
-        values['effort.command_scale'] = rounded(arm.drive.scale.tolist())
-        values['effort.command_offset'] = rounded(arm.drive.offset.tolist())
+        values |= {'effort.command_scale': rounded(arm.drive.scale),
+                   'effort.command_offset': rounded(arm.drive.offset)}
     if arm.report is not None or (sign < 0.0).any() or offset.any():
         given_report = arm.given_report
         report = replace(
             given_report, scale=sign * given_report.scale, offset=gain * given_report.offset)
-        values['effort.report_scale'] = rounded(report.scale.tolist())
+        values['effort.report_scale'] = rounded(report.scale)
         most = LARGEST_OFFSET * report.limit
         values['effort.report_offset'] = rounded(
-            np.clip(report.offset + offset / report.scale, -most, most).tolist())
+            np.clip(report.offset + offset / report.scale, -most, most))
         if report.covariance is not None:
             slope = np.concatenate([sign, gain])
             C = report.covariance * np.outer(slope, slope)

@@ -37,23 +37,20 @@ class FittedModels:
     Models of one arm, fitted to the same samples, and the problem that was chosen for them.
 
     `validated` (n,) is the RMS of the residual on the omitted blocks, relative to that of the
-    effort. `urdf` has the bodies of the URDF and no friction, `friction` has the bodies of the
-    URDF and fitted friction, `base` the regularized base parameters, `consistent` the physically
-    consistent set. `unbounded` is like `base`, but friction and rotors may be negative.
+    effort. `by_name` are the models: 'urdf' has the bodies of the URDF and no friction, 'urdf and
+    friction' has the bodies of the URDF and fitted friction, 'base' the regularized base
+    parameters, 'consistent' the physically consistent set. 'unbounded' is like 'base', but
+    friction and rotors may be negative.
     """
 
     problem: regularized_fit.Problem
     validated: FloatArray
-    urdf: regularized_fit.Fit
-    friction: regularized_fit.Fit
-    base: regularized_fit.Fit
-    consistent: regularized_fit.Fit
-    unbounded: regularized_fit.Fit
+    by_name: dict[str, regularized_fit.Fit]
 
     @property
-    def by_name(self) -> dict[str, regularized_fit.Fit]:
-        return {'urdf': self.urdf, 'urdf and friction': self.friction, 'base': self.base,
-                'unbounded': self.unbounded, 'consistent': self.consistent}
+    def consistent(self) -> regularized_fit.Fit:
+        """The physically consistent set, which is written to the files."""
+        return self.by_name['consistent']
 
 
 class CrossValidation:
@@ -64,10 +61,9 @@ class CrossValidation:
         self._train = [regularized_fit.grams_of(information.all_but(i)) for i in information.folds]
         self._block = [regularized_fit.grams_of(information.block(i)) for i in information.folds]
         self.all = regularized_fit.grams_of(information.together())
-        rows = information.rows[::2].sum()
         self.effort_power = np.sum([grams[:, -1, -1] for grams in self._block], axis=0)
         self.is_measured = information.is_measured
-        self.rows = max(float(rows), 1.0)
+        self.rows = max(float(information.rows[::2].sum()), 1.0)
 
     def squares(self, problem: regularized_fit.Problem) -> FloatArray:
         """Return the sum of squared residuals on each omitted block, (f, n)."""
@@ -122,13 +118,13 @@ def fit_models(
 ) -> FittedModels:
     """Return all models, fitted to factors R (n, k, k); `urdf` (p,) are the bodies of the URDF."""
     base = regularized_fit.solve_bounded(factors, problem)
-    return FittedModels(
-        problem, validated, regularized_fit.Fit(
-            urdf, np.zeros_like(base.joint_values), problem.structures),
-        friction=regularized_fit.solve_bounded(factors, problem._replace(
+    return FittedModels(problem, validated, {
+        'urdf': regularized_fit.Fit(urdf, np.zeros_like(base.joint_values), problem.structures),
+        'urdf and friction': regularized_fit.solve_bounded(factors, problem._replace(
             regularization=regularized_fit.URDF_REGULARIZATION)),
-        base=base, consistent=regularized_fit.consistent_fit(factors, problem, base),
-        unbounded=regularized_fit.solve(regularized_fit.grams_of(factors), problem))
+        'base': base,
+        'unbounded': regularized_fit.solve(regularized_fit.grams_of(factors), problem),
+        'consistent': regularized_fit.consistent_fit(factors, problem, base)})
 
 
 def _with_best_regularization(

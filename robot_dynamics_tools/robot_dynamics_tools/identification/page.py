@@ -61,7 +61,7 @@ def joint_verdicts(identification: Identification) -> list[Verdict]:
         for name, deviation, size, *residuals in zip(
             identification.arm.joint_names, holding_deviation(identification).tolist(),
             effort.tolist(), urdf.tolist(), simple.tolist(), consistent.tolist())]
-    if not any(recording.facts.contradictions for recording in identification.recordings):
+    if not any(recording.contradictions for recording in identification.recordings):
         return verdicts
     return [verdict._replace(grade=Grade.CHECK, next_step=CONTRADICTED)
             if verdict.grade == Grade.GOOD else verdict for verdict in verdicts]
@@ -142,15 +142,16 @@ def identification_page(found: BagIdentification, origin: Origin) -> str:
         page.table(summary.gain_rows(identification, identification.gains))
     page.section('Effort over time' + (
         f': the first of {len(found.bags)} recordings' if len(found.bags) > 1 else ''))
-    shown = identification.recordings[0].shown
+    shown = identification.recordings[0]
+    motion, measured = shown.motion, shown.motion.measured_effort
     add_time_figures(
         page, arm, f'{found.bags[0].name}: {summary.MODELS["consistent"]} model',
-        comparison_panels(shown.times, shown.measured, shown.model), 'Measured and model effort',
+        comparison_panels(motion.times, measured, shown.model), 'Measured and model effort',
         None if np.isnan(shown.test_from) else TimeBoundary(shown.test_from, 'training', 'test'))
     page.section('Residual over velocity')
     add_figure(page, scatter_figure(
-        f'{found.bags[0].name}: residual over velocity', arm, shown.velocity,
-        shown.measured - shown.model), 'Residual over velocity')
+        f'{found.bags[0].name}: residual over velocity', arm, motion.velocity,
+        measured - shown.model), 'Residual over velocity')
     page.section('Base parameters')
     page.table(parameter_rows(identification), kind='long')
     page.text('By least squares without regularisation; * marks regrouped parameters. Masses in '
@@ -164,11 +165,11 @@ def _add_lists(page: Page, found: BagIdentification) -> None:
     page.table(summary.fact_rows(found), has_head=False, kind='text')
     for title, lines, kind in (
             ('Contradictions, with their likely causes',
-             summary.contradiction_lines(found), 'loss'),
+             summary.recording_lines(found, 'contradictions'), 'loss'),
             ('Warnings', summary.warnings(found.identification), 'loss'),
             ('Recordings that could not be used',
              [f'{bag}: {error}' for bag, error in found.failed], 'loss'),
-            ('Recordings', summary.recording_lines(found), '')):
+            ('Recordings', summary.recording_lines(found, 'remarks'), '')):
         if lines:
             page.section(title)
             page.items(lines, kind)

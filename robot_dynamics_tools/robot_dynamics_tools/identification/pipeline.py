@@ -11,7 +11,8 @@ one or two seconds for any number of recordings.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -75,13 +76,16 @@ class Recordings(NamedTuple):
     """
     Recordings of one arm; the steps run on each recording separately.
 
-    `arm` returns the arm of these joints with its payloads, `reduce` the information in each
-    recording, and `evaluate` the tests of the models on each recording.
+    `arm` returns the arm of these joints with its payloads, `run` the result of a step on each
+    recording.
     """
 
     arm: Callable[[Sequence[str]], ArmModel]
-    reduce: Callable[[steps.Reduction], list[QrInformation]]
-    evaluate: Callable[[steps.Evaluation], list[steps.EvaluatedRecording]]
+    run: Callable[[steps.Step], list[Any]]
+
+    def information(self, **options: Any) -> list[QrInformation]:
+        """Return the information in each recording, with options of `reduce_recording`."""
+        return self.run(partial(steps.reduce_recording, **options))
 
 
 def observability(recordings: Recordings, effort_is_current: bool | None) -> Observability:
@@ -140,8 +144,7 @@ def identify(
     """
     recorded = [steps.prepared_motion(arm, motion, train_fraction) for motion in motions]
     return identify_recordings(Recordings(
-        lambda _: arm, lambda step: [step(each) for each in recorded],
-        lambda step: [step(each) for each in recorded]), effort_is_current)
+        lambda _: arm, lambda step: [step(each) for each in recorded]), effort_is_current)
 
 
 def identify_recordings(
@@ -166,7 +169,7 @@ def identify_recordings(
     seeming = drive_gains(first, prior_of(arm))
     begun = fit_model(arm, first)
     on_stage(STAGES[2])
-    parts = recordings.reduce(steps.Reduction(begun.base, scale))
+    parts = recordings.information(reference=begun.by_name['base'], drive_gain=scale)
     information = merge(parts)
     on_stage(STAGES[3])
     models = fit_model(arm, information, begun.problem.structures)
@@ -174,11 +177,12 @@ def identify_recordings(
     estimate = estimate_parameters(information, base, models.problem)
     odd = recording_agreement.contradicting_recordings(parts, models.problem)
     on_stage(STAGES[4])
-    evaluated = recordings.evaluate(steps.Evaluation(models.by_name, scale, keeps_samples))
+    evaluated: list[steps.EvaluatedRecording] = recordings.run(partial(
+        steps.evaluate_recording, models=models.by_name, drive_gain=scale,
+        keeps_samples=keeps_samples))
     for i, text in odd.items():
-        facts = evaluated[i].facts
-        evaluated[i] = replace(evaluated[i], facts=replace(
-            facts, contradictions=(*facts.contradictions, text)))
+        evaluated[i] = replace(
+            evaluated[i], contradictions=(*evaluated[i].contradictions, text))
     tests = {name: steps.merge_tests([recording.tests[name] for recording in evaluated])
              for name in models.by_name}
     is_cross_validated = tests['base'].samples[1] == 0
@@ -195,20 +199,20 @@ def _first_pass(
 ) -> tuple[QrInformation, GainEstimate | None]:
     """Return the information with the load of the URDF, and gains if the effort is a current."""
     if not effort_is_current:
-        first = merge(recordings.reduce(steps.Reduction()))
+        first = merge(recordings.information())
         arm = recordings.arm(first.joint_names)
         gains = drive_gains(first, prior_of(arm))
         if effort_is_current is False or not gains.differ:
             _check_torque(arm, gains, effort_is_current)
             return first, None
-    raw = merge(recordings.reduce(steps.Reduction(keeps_payload=True)))
+    raw = merge(recordings.information(keeps_payload=True))
     arm = recordings.arm(raw.joint_names)
     gains = drive_gains(raw, prior_of(arm))
     if not gains.is_known.any():
         raise InvalidInputError(
             f'no drive gain of {list(arm.joint_names)} is identifiable from effort as current, '
             'expected a motion in which the joints bear loads well above friction')
-    return merge(recordings.reduce(steps.Reduction(drive_gain=gains.scale))), gains
+    return merge(recordings.information(drive_gain=gains.scale)), gains
 
 
 def _check_torque(arm: ArmModel, gains: GainEstimate, effort_is_current: bool | None) -> None:

@@ -114,18 +114,13 @@ def reduce_rows(
             'the recording has no samples for training away from the ends of its stretches, '
             'expected at least one')
     blocks = min(max(m // (2 * (gap + 1)), 1), BLOCKS)
-    edges = np.linspace(0, m, blocks + 1).astype(int)
-    bounds = [0]
-    for edge in edges[1:-1]:
-        bounds += [int(edge) - gap // 2, int(edge) - gap // 2 + gap]
-    bounds.append(m)
-    slots = list(zip(bounds, bounds[1:]))
+    edges = np.linspace(0, m, blocks + 1).astype(int)[1:-1, np.newaxis]
+    ends = (edges - gap // 2 + [0, gap]).ravel().tolist()
+    slots = [slice(*bounds) for bounds in zip([0, *ends], [*ends, m])]
     factors, counts = np.zeros((2 * BLOCKS, n, p + 1, p + 1)), np.zeros(2 * BLOCKS)
-    for i, (first, last) in enumerate(slots):
-        counts[i] = last - first
-        for j in range(n):
-            rows = np.concatenate([X[first:last, j], y[first:last, j, np.newaxis]], axis=1)
-            factors[i, j] = _factor(rows)
+    for i, rows in enumerate(slots):
+        counts[i] = rows.stop - rows.start
+        factors[i] = [_factor(np.column_stack([X[rows, j], y[rows, j]])) for j in range(n)]
     return QrInformation(
         tuple(joint_names), tuple(columns), factors, counts, m * samples_per_independent_sample,
         excitation, m * step, LEAST_BLOCKS * 2 * (gap + 1) * step)
@@ -148,11 +143,9 @@ def merge(parts: Sequence[QrInformation]) -> QrInformation:
                 f'recordings of the joints {list(other.joint_names)} and '
                 f'{list(first.joint_names)} cannot be combined, expected the same joints and '
                 'columns')
-    shifts, start = [], 0
-    for part in parts:
-        blocks = len(part.folds)
-        shifts.append(2 * start if blocks < BLOCKS else 0)
-        start = (start + blocks) % BLOCKS
+    blocks = np.array([len(part.folds) for part in parts])
+    starts = np.where(blocks < BLOCKS, np.cumsum(blocks) - blocks, 0) % BLOCKS
+    shifts = (2 * starts).tolist()
     slots = np.stack([np.roll(part.factors, shift, axis=0) for part, shift in zip(parts, shifts)])
     merged = QrInformation(
         first.joint_names, first.columns,

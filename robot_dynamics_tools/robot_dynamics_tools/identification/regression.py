@@ -37,69 +37,37 @@ def train_count(motion: FilteredMotion, train_fraction: float) -> int:
     return int(train_fraction * len(motion.stamps_ns))
 
 
-def regression_rows(
-    arm: ArmModel, motion: FilteredMotion, reference: Fit | None = None,
-    is_filtered: bool = False, step: int = 1, keeps_payload: bool = False,
-) -> tuple[FloatArray, FloatArray]:
-    """
-    Return X (m, n, k) and y (m, n) of a motion of the arm's joints, of every step-th sample.
-
-    The first columns of X are those of the bodies' parameters, the others are the joints' own
-    columns.
-
-    `reference` is the model from which inverse dynamics computes the load of the gears, with its
-    rotors; None uses the arm. With `is_filtered`, sharp friction passes the same filter as the
-    measured effort, which avoids a bias of the estimates. The effort of a payload of the arm is
-    subtracted from y, or with `keeps_payload` is the column PAYLOAD. Raises RecordingError if no
-    effort was recorded.
-    """
-    efforts = motion.measured_effort
-    of_payload = _of_payload(arm, motion)
-    own = _own_columns(arm, motion, reference, of_payload)
-    if is_filtered:
-        sharp = own[:, :, friction_regressor.SHARP]
-        own[:, :, friction_regressor.SHARP] = filter_like(
-            motion, sharp.reshape(len(sharp), -1)).reshape(sharp.shape)
-    if keeps_payload:
-        own[:, :, friction_regressor.PAYLOAD] = of_payload
-    else:
-        efforts = efforts - of_payload
-    Y = TorqueRegressor(arm)(
-        motion.position[::step], motion.velocity[::step], motion.acceleration[::step])
-    return np.concatenate([Y, own[::step]], axis=2), efforts[::step]
-
-
 def model_effort(arm: ArmModel, motion: FilteredMotion, fit: Fit) -> tuple[FloatArray, FloatArray]:
     """
     Return the efforts (m, n) of a fit along a motion, and for single states, with the payload.
 
     The efforts for single states use the sign of velocity instead of the state of presliding.
     """
-    of_payload = _of_payload(arm, motion)
-    own = _own_columns(arm, motion, fit, of_payload)
-    bodies = of_payload + _of_bodies(arm, motion, fit.parameters)
-    along, single = (
-        bodies + np.einsum('mjk,jk->mj', own, each.joint_values)
-        for each in (fit, without_memory(fit)))
+    _, rigid = _payload_and_load(arm, motion, fit.parameters)
+    own = _own_columns(arm, motion, rigid, fit)
+    along, single = (rigid + np.einsum('mjk,jk->mj', own, each.joint_values)
+                     for each in (fit, without_memory(fit)))
     return along, single
 
 
 def _own_columns(
-    arm: ArmModel, motion: FilteredMotion, reference: Fit | None, of_payload: FloatArray,
+    arm: ArmModel, motion: FilteredMotion, rigid: FloatArray, reference: Fit | None,
 ) -> FloatArray:
-    q, v, a = motion.position, motion.velocity, motion.acceleration
-    if reference is None:
-        load = of_payload + _of_bodies(arm, motion, inertial_parameters(arm.with_payloads(())))
-    else:
-        rotors = reference.joint_values[:, friction_regressor.INERTIA] * a
-        load = of_payload + _of_bodies(arm, motion, reference.parameters) + rotors
+    """Return the columns of the joints for a load of rigid bodies, and rotors of a reference."""
+    load = rigid if reference is None else rigid + motion.acceleration * (
+        reference.joint_values[:, friction_regressor.INERTIA])
     starts = [0, *(np.flatnonzero(np.diff(motion.segment)) + 1).tolist()]
-    return friction_regressor.joint_columns(arm.joint_kinds, q, v, a, load, starts)
+    return friction_regressor.joint_columns(
+        arm.joint_kinds, motion.position, motion.velocity, motion.acceleration, load, starts)
 
 
-def _of_payload(arm: ArmModel, motion: FilteredMotion) -> FloatArray:
+def _payload_and_load(
+    arm: ArmModel, motion: FilteredMotion, parameters: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the effort (m, n) of the payloads, and that of bodies φ (p,) with them."""
     extra = inertial_parameters(arm) - inertial_parameters(arm.with_payloads(()))
-    return _of_bodies(arm, motion, extra) if extra.any() else np.zeros_like(motion.position)
+    payload = _of_bodies(arm, motion, extra) if extra.any() else np.zeros_like(motion.position)
+    return payload, payload + _of_bodies(arm, motion, parameters)
 
 
 def _of_bodies(arm: ArmModel, motion: FilteredMotion, parameters: FloatArray) -> FloatArray:
@@ -131,15 +99,26 @@ def reduce_motion(
     Return the information in the training samples of one recording.
 
     With a `reference`, the model of a first pass, the load of the gears is that of this model, and
-    samples with a large residual have lower weights. Raises RecordingError without effort,
-    InvalidInputError without samples.
+    samples with a large residual have lower weights. The effort of a payload of the arm is
+    subtracted from the measured one, or with `keeps_payload` is the column PAYLOAD. Raises
+    RecordingError without effort, InvalidInputError without samples.
     """
-    step = decimation(motion)
-    X, y = regression_rows(
-        arm, motion, reference, is_filtered=True, step=step, keeps_payload=keeps_payload)
-    count = train_count(motion, train_fraction)
-    usable = np.flatnonzero(motion.usable[:count:step])
-    X, y = X[usable], y[usable]
+    step, count = decimation(motion), train_count(motion, train_fraction)
+    of_payload, load = _payload_and_load(arm, motion, (
+        inertial_parameters(arm.with_payloads(())) if reference is None else reference.parameters))
+    own = _own_columns(arm, motion, load, reference)
+    # sharp friction passes the filter of the measured effort, which avoids a bias
+    sharp = own[:, :, friction_regressor.SHARP]
+    own[:, :, friction_regressor.SHARP] = filter_like(
+        motion, sharp.reshape(len(sharp), -1)).reshape(sharp.shape)
+    if keeps_payload:
+        own[:, :, friction_regressor.PAYLOAD] = of_payload
+    rows = np.arange(0, count, step)
+    rows = rows[motion.usable[rows]]
+    y = motion.measured_effort[rows] - (0.0 if keeps_payload else of_payload[rows])
+    X = np.concatenate([TorqueRegressor(arm)(
+        motion.position[rows], motion.velocity[rows], motion.acceleration[rows]), own[rows]],
+        axis=2)
     n = y.shape[1]
     rate = motion.sample_rate_hz / step
     independent = np.full(n, max(

@@ -157,6 +157,29 @@ class Problem(NamedTuple):
         return [(np.array(structure.columns) + p, slice(first, last))
                 for structure, first, last in zip(self.structures, ends, ends[1:])]
 
+    @property
+    def size(self) -> int:
+        """The number u of variables."""
+        return int(self.own[-1][1].stop)
+
+    def linear(self, joint: int, width: int) -> FloatArray:
+        """Return the matrix (width, u) from x to the columns of the factor of a joint."""
+        columns, part = self.own[joint]
+        linear = np.zeros((width, self.size))
+        np.fill_diagonal(linear[:self.prior.count], 1.0)
+        linear[columns, part] = np.eye(len(columns))
+        return linear
+
+    def prior_rows(self) -> tuple[FloatArray, FloatArray]:
+        """Return W (u, u) and m (u,) of the prior, whose cost is ½ |W (x − m)|²."""
+        prior, p = self.prior, self.prior.count
+        W, mean = np.zeros((self.size, self.size)), np.zeros(self.size)
+        W[:p, :p], mean[:p] = np.sqrt(self.regularization) * prior.rows, prior.parameters
+        for j, (columns, part) in enumerate(self.own):
+            W[part, part] = np.diag(prior.friction[j, columns - p])
+            W[part.start, part.start] = np.sqrt(self.regularization) / prior.inertia[j]
+        return W, mean
+
     def fit_of(self, x: FloatArray) -> Fit:
         """Return the fit of the variables x: p of the bodies, then those of `own`."""
         p = self.prior.count
@@ -177,25 +200,21 @@ def solve(grams: FloatArray, problem: Problem) -> Fit:
 
     The solution is fast, for selecting models.
     """
-    _, weights, prior, regularization = problem
-    p, own = prior.count, problem.own
-    size = own[-1][1].stop
-    H, g = np.zeros((size, size)), np.zeros(size)
-    W = prior.rows.T @ prior.rows
-    H[:p, :p] = regularization * W
-    g[:p] = regularization * W @ prior.parameters
-    for j, (columns, part) in enumerate(own):
-        G = weights[j] * grams[j]
+    p, (W, mean) = problem.prior.count, problem.prior_rows()
+    H = np.diag(np.diag(W)**2)
+    H[:p, :p] = W[:p, :p].T @ W[:p, :p]
+    g = H @ mean
+    for (columns, part), weight, gram in zip(problem.own, problem.weights, grams):
+        G = weight * gram
         H[:p, :p] += G[:p, :p]
         H[:p, part] = G[:p, columns]
         H[part, :p] = H[:p, part].T
-        H[part, part] = G[np.ix_(columns, columns)] + np.diag(prior.friction[j, columns - p]**2)
+        H[part, part] += G[np.ix_(columns, columns)]
         g[:p] += G[:p, -1]
-        g[part] = G[columns, -1]
-        H[part.start, part.start] += regularization / prior.inertia[j]**2
+        g[part] += G[columns, -1]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
     x = scale * np.linalg.solve(
-        scale[:, np.newaxis] * H * scale + _RIDGE * np.eye(size), scale * g)
+        scale[:, np.newaxis] * H * scale + _RIDGE * np.eye(len(g)), scale * g)
     return problem.fit_of(x)
 
 
@@ -217,25 +236,19 @@ def bounded_problem(
     factors: FloatArray, problem: Problem,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return A, b of |A x − b|², and the bounds of x (`Problem.own`)."""
-    structures, weights, prior, regularization = problem
-    p, own = prior.count, problem.own
-    size, z = own[-1][1].stop, np.eye(factors.shape[-1])
-    low, high = np.full(size, -np.inf), np.full(size, np.inf)
-    W, mean, groups = np.zeros((size, size)), np.zeros(size), []
-    W[:p, :p], mean[:p] = np.sqrt(regularization) * prior.rows, prior.parameters
-    for j, (columns, part) in enumerate(own):
-        linear = z[:, :p] @ np.eye(p, size)
-        linear[columns, part] = np.eye(len(columns))
-        groups.append(Rows(factors[j], 1.0, z[-1], linear))
-        W[part, part] = np.diag(prior.friction[j, columns - p])
-        W[part.start, part.start] = np.sqrt(regularization) / prior.inertia[j]
+    prior, weights, p = problem.prior, problem.weights, problem.prior.count
+    W, mean = problem.prior_rows()
+    z = np.eye(factors.shape[-1])
+    low, high = np.full_like(mean, -np.inf), np.full_like(mean, np.inf)
+    for j, (columns, part) in enumerate(problem.own):
         # a joint may have two columns of dry friction, which together have the bound
-        count = max(structures[j].dry_count, 1)
+        count = max(problem.structures[j].dry_count, 1)
         high[part] = prior.largest[j, columns - p] / np.where(
             np.isin(columns - p, friction_regressor.DRY), count, 1)
         low[part] = np.where(np.isin(columns - p, friction_regressor.OFFSET), -high[part], 0.0)
     variances = np.divide(1.0, weights, out=np.full_like(weights, np.inf), where=weights > 0.0)
-    A, b, _ = stacked(groups, np.zeros(size), variances, W, mean)
+    groups = [Rows(R, 1.0, z[-1], problem.linear(j, len(z))) for j, R in enumerate(factors)]
+    A, b, _ = stacked(groups, np.zeros(len(mean)), variances, W, mean)
     return A, b, low, high
 
 

@@ -107,7 +107,7 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
         'joints': list(arm.joint_names),
         'recordings': [str(bag) for bag in found.bags],
         'failed': {str(bag): error for bag, error in found.failed},
-        'cutoff_hz': [each.facts.cutoff_hz for each in identification.recordings],
+        'cutoff_hz': [each.motion.cutoff_hz for each in identification.recordings],
         'samples': {'train': identification.tests['base'].samples[0],
                     'test': identification.tests['base'].samples[1]},
         'residual': {
@@ -147,6 +147,6 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
             'is_known': gains.is_known.tolist(),
             'is_confounded_with_masses': gains.is_confounded.tolist()},
         'factor_to_urdf': np.exp(identification.difference).tolist(),
-        'contradictions': summary.contradiction_lines(found),
+        'contradictions': summary.recording_lines(found, 'contradictions'),
         'warnings': summary.warnings(identification),
     }

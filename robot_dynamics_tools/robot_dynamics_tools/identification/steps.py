@@ -15,9 +15,10 @@ structures and the regularization of all folds. The residual is then slightly to
 these were selected with the same folds.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -95,7 +96,8 @@ def cross_validated_tests(
 ) -> dict[str, ModelTest]:
     """Return the tests with the residual of the folds; `trained` are those of the training."""
     fitted = [fit_models(
-        information.all_but(i), models.problem, models.validated, models.urdf.parameters).by_name
+        information.all_but(i), models.problem, models.validated,
+        models.by_name['urdf'].parameters).by_name
         for i in information.folds]
     blocks = [grams_of(information.block(i)) for i in information.folds]
     effort = np.sum([grams[:, -1, -1] for grams in blocks], axis=0)
@@ -111,31 +113,20 @@ def cross_validated_tests(
     return tests
 
 
-@dataclass(frozen=True)
-class RecordingFacts:
-    """The facts that are reported about a recording in addition to its figures."""
-
-    rate_hz: float
-    cutoff_hz: float
-    cutoff_reason: str
-    remarks: tuple[str, ...] = ()
-    contradictions: tuple[str, ...] = ()
-    effort_noise: tuple[float, ...] = ()
-    """Of each joint, relative to the RMS of the effort."""
-
-
 @dataclass(frozen=True, eq=False)
 class FilteredArmMotion:
     """
     A filtered motion of an arm with its payloads, joints in the order of the arm.
 
-    The first `train_fraction` of its samples is for training.
+    The first `train_fraction` of its samples is for training. `contradictions` are likely causes
+    why it contradicts the URDF.
     """
 
     arm: ArmModel
     motion: FilteredMotion
-    facts: RecordingFacts
     train_fraction: float
+    remarks: tuple[str, ...]
+    contradictions: tuple[str, ...]
 
     def with_gain(self, drive_gain: FloatArray | None) -> FilteredMotion:
         """Return the motion, its effort multiplied by the gains of the drives (n,)."""
@@ -143,97 +134,65 @@ class FilteredArmMotion:
             lambda effort: effort * drive_gain)
 
 
-@dataclass(frozen=True, eq=False)
-class Reduction:
+Step = Callable[[FilteredArmMotion], Any]
+"""A step of the identification, which processes one recording."""
+
+
+def reduce_recording(
+    recording: FilteredArmMotion, reference: Fit | None = None,
+    drive_gain: FloatArray | None = None, keeps_payload: bool = False,
+) -> QrInformation:
     """
-    How to reduce the training samples of a recording.
+    Return the information in the training samples of a recording.
 
     `reference` is the model of a first pass, `drive_gain` (n,) the joint effort per unit of
     recorded effort. With `keeps_payload` the effort of the payloads is a column instead
-    of a part of the effort that is subtracted.
+    of a part of the effort that is subtracted. Raises RecordingError without effort,
+    InvalidInputError with too few samples.
     """
-
-    reference: Fit | None = None
-    drive_gain: FloatArray | None = None
-    keeps_payload: bool = False
-
-    def __call__(self, recording: FilteredArmMotion) -> QrInformation:
-        """
-        Return the information in the training samples of a recording.
-
-        Raises RecordingError without effort, InvalidInputError with too few samples.
-        """
-        return reduce_motion(
-            recording.arm, recording.with_gain(self.drive_gain), recording.train_fraction,
-            self.reference, self.keeps_payload)
-
-
-@dataclass(frozen=True, eq=False)
-class Evaluation:
-    """
-    Models by name to test on a recording; the effort of the consistent one is plotted.
-
-    With `keeps_samples`, the samples of the test part are returned with the effort of this model.
-    """
-
-    models: Mapping[str, Fit]
-    drive_gain: FloatArray | None = None
-    keeps_samples: bool = False
-
-    def __call__(self, recording: FilteredArmMotion) -> 'EvaluatedRecording':
-        """Return the tests of the models on a recording."""
-        arm, motion = recording.arm, recording.with_gain(self.drive_gain)
-        effort, recorded = motion.measured_effort, motion.recorded_effort
-        first = train_count(motion, recording.train_fraction)
-        part = slice(None, None, max(1, int(np.ceil(len(effort) / SHOWN))))
-        model, single = model_effort(arm, motion, self.models['consistent'])
-        samples = {name: column[first:] for name, column in motion_columns(arm, motion, {
-            'measured': effort, 'model': model, 'residual': effort - model}).items()}
-        facts = recording.facts if self.drive_gain is None else replace(
-            recording.facts, contradictions=corrected(arm, motion)[1])
-        return EvaluatedRecording(
-            facts, evaluate_motion(arm, motion, recording.train_fraction, self.models),
-            EffortSeries(
-                float(motion.times[first]) if first < len(motion.times) else np.nan, *(
-                    each[part] for each in (
-                        motion.times, motion.position, motion.velocity, motion.acceleration,
-                        effort, effort if recorded is None else recorded, model, single))),
-            samples if self.keeps_samples else None)
-
-
-@dataclass(frozen=True, eq=False)
-class EffortSeries:
-    """
-    Measured and modelled effort over time, decimated: (m,) [s] and (m, n).
-
-    `recorded` is the measured effort before the filter, `model` is along the motion, `single`
-    sample by sample. `test_from` is the time of the first test sample [s], NaN if all samples are
-    for training.
-    """
-
-    test_from: float
-    times: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    measured: FloatArray
-    recorded: FloatArray
-    model: FloatArray
-    single: FloatArray
+    return reduce_motion(recording.arm, recording.with_gain(drive_gain),
+                         recording.train_fraction, reference, keeps_payload)
 
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedRecording:
     """
-    The tests of the models on a recording, by name, and the facts about the recording.
+    The tests of the models on a recording, by name.
 
-    `samples` are the columns of the samples of the test part, with the effort of the model shown.
+    `motion` is decimated to at most SHOWN samples, at which the consistent model has the effort
+    `model` along the motion, and `single` sample by sample, (m, n). `test_from` is the time of the
+    first test sample [s], NaN if all samples are for training. `samples` are the columns of all
+    samples of the test part, with the effort of this model. `remarks` and `contradictions` are
+    those of `FilteredArmMotion`.
     """
 
-    facts: RecordingFacts
+    motion: FilteredMotion
+    model: FloatArray
+    single: FloatArray
+    test_from: float
     tests: dict[str, ModelTest]
-    shown: EffortSeries
+    remarks: tuple[str, ...]
+    contradictions: tuple[str, ...]
     samples: dict[str, FloatArray] | None = None
+
+
+def evaluate_recording(
+    recording: FilteredArmMotion, models: Mapping[str, Fit], drive_gain: FloatArray | None = None,
+    keeps_samples: bool = False,
+) -> EvaluatedRecording:
+    """Return the tests of models on a recording, with its samples if `keeps_samples`."""
+    arm, motion = recording.arm, recording.with_gain(drive_gain)
+    effort, first = motion.measured_effort, train_count(motion, recording.train_fraction)
+    model, single = model_effort(arm, motion, models['consistent'])
+    part = slice(None, None, max(1, int(np.ceil(len(effort) / SHOWN))))
+    return EvaluatedRecording(
+        motion.at(part), model[part], single[part],
+        float(motion.times[first]) if first < len(effort) else np.nan,
+        evaluate_motion(arm, motion, recording.train_fraction, models), recording.remarks,
+        recording.contradictions if drive_gain is None else corrected(arm, motion)[1],
+        {name: column[first:] for name, column in motion_columns(arm, motion, {
+            'measured': effort, 'model': model, 'residual': effort - model}).items()}
+        if keeps_samples else None)
 
 
 def prepared_motion(
@@ -244,9 +203,7 @@ def prepared_motion(
         remarks = (*remarks, 'recorded velocity is inconsistent with the position, and is not '
                              f'used, for {", ".join(motion.differentiated)}')
     motion, causes = corrected(arm, motion)
-    return FilteredArmMotion(arm, motion, RecordingFacts(
-        motion.sample_rate_hz, motion.cutoff_hz, motion.cutoff_reason, remarks, causes,
-        motion.effort_noise), train_fraction)
+    return FilteredArmMotion(arm, motion, train_fraction, remarks, causes)
 
 
 def write_samples(

@@ -54,9 +54,9 @@ class ActiveBound(NamedTuple):
 def fact_rows(found: BagIdentification) -> Rows:
     """Return the facts of an identification, with a name and a value in each row."""
     identification = found.identification
-    facts = [recording.facts for recording in identification.recordings]
+    motions = [recording.motion for recording in identification.recordings]
     test = identification.tests['consistent']
-    cutoffs = sorted({f'{each.cutoff_hz:.3g}' for each in facts}, key=float)
+    cutoffs = sorted({f'{each.cutoff_hz:.3g}' for each in motions}, key=float)
     return [
         ('arm', f'{identification.arm.name}, {identification.arm.joint_count} joints'),
         ('recordings', ', '.join(bag.name for bag in found.bags[:_MOST_NAMES]) + (
@@ -65,9 +65,9 @@ def fact_rows(found: BagIdentification) -> Rows:
         ('samples', f'{test.samples[0]} for training, '
                     + ('none for the test' if identification.is_cross_validated else
                        f'the following {test.samples[1]} for the test')
-                    + f', at {facts[0].rate_hz:.4g} Hz'),
+                    + f', at {motions[0].sample_rate_hz:.4g} Hz'),
         ('filter', f'Butterworth, order 4, forward and backward, {" … ".join(cutoffs)} Hz'
-                   + (f': {facts[0].cutoff_reason}' if len(cutoffs) == 1 else '')),
+                   + (f': {motions[0].cutoff_reason}' if len(cutoffs) == 1 else '')),
         ('base parameters', f'{identification.base.rank} of '
                             f'{identification.base.matrix.shape[1]} parameters (rank)'),
         ('condition number', f'{identification.estimate.condition:.3g} of their columns'),
@@ -91,7 +91,7 @@ def noise_rows(found: BagIdentification) -> Rows:
     for bag, recording in zip(found.bags, found.identification.recordings):
         test = recording.tests['consistent']
         residual = test.relative() if test.samples[1] else test.relative('train')
-        noise = recording.facts.effort_noise
+        noise = recording.motion.effort_noise
         rows.append((bag.name, *(
             f'{r / s:.2g}' if s > LEAST_NOISE and np.isfinite(r) else '-'
             for r, s in zip(residual, noise))))
@@ -192,7 +192,7 @@ def _of_friction(identification: Observability) -> Iterator[str]:
 
 def bounds_by_joint(identification: Identification) -> dict[int, list[ActiveBound]]:
     """Return the bounds that keep a parameter at 0, or make it smaller, by number of the joint."""
-    bounded, unbounded = identification.models.base, identification.models.unbounded
+    bounded, unbounded = (identification.models.by_name[name] for name in ('base', 'unbounded'))
     by_joint: dict[int, list[ActiveBound]] = {}
     for j, structure in enumerate(bounded.structures):
         for column in structure.columns:
@@ -281,15 +281,8 @@ def _of_effort(identification: Identification) -> Iterator[str]:
         yield drive_gains.other_unit(names, identification.seeming_gains)
 
 
-def contradiction_lines(found: BagIdentification) -> list[str]:
-    """Return the likely causes of contradictions, with the names of the recordings."""
-    return [f'{bag.name}: {cause}'
-            for bag, recording in zip(found.bags, found.identification.recordings)
-            for cause in recording.facts.contradictions]
-
-
-def recording_lines(found: BagIdentification) -> list[str]:
-    """Return remarks on the recordings, with their names."""
+def recording_lines(found: BagIdentification, kind: str) -> list[str]:
+    """Return the 'remarks' or likely 'contradictions' of the recordings, with their names."""
     return [f'{bag.name}: {line}'
             for bag, recording in zip(found.bags, found.identification.recordings)
-            for line in recording.facts.remarks]
+            for line in getattr(recording, kind)]

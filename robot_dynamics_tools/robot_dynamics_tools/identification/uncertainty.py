@@ -15,7 +15,7 @@ all are enlarged by the median of their ratios to it.
 from dataclasses import dataclass
 
 import numpy as np
-from robot_dynamics.arrays import column_scale, FloatArray
+from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics_tools.base_parameters import BaseParameters
 from robot_dynamics_tools.estimation import effort_fit
 from robot_dynamics_tools.identification.friction_regressor import COLUMN_NAMES, INERTIA
@@ -70,11 +70,15 @@ def estimate_parameters(
     n, prior, r = len(information.joint_names), problem.prior, base.rank
     joints = np.flatnonzero(information.is_measured).tolist()
     counts = float(information.rows.sum()) / information.samples_per_independent_sample
-    blocks, names = _columns(information, base, problem)
-    effort = np.eye(len(blocks[0]))[-1]
+    width = information.factors.shape[-1]
+    _, places, own = base_variables(base, problem)
+    names = *base.labels, *(
+        f'{COLUMN_NAMES[column]}({information.joint_names[j]})' for j, column in own)
+    models = [problem.linear(j, width)[:, places] for j in range(n)]
 
     def groups(factors: FloatArray) -> list[effort_fit.Rows]:
-        return [effort_fit.Rows(factors[j], counts[j], effort, blocks[j]) for j in joints]
+        return [effort_fit.Rows(factors[j], counts[j], np.eye(width)[-1], models[j])
+                for j in joints]
 
     fit = effort_fit.fit_effort(groups(information.together()), np.zeros(len(names)))
     x, is_lost = fit.values, fit.solution.is_lost
@@ -87,38 +91,31 @@ def estimate_parameters(
     widening = max(float(np.median(jackknife[known] / noise[known])), 1.0) if known.any() else 1.0
     deviations = np.where(is_lost, np.inf, np.maximum(widening * noise, jackknife))
     A, _, _ = effort_fit.stacked(groups(information.together()), x, fit.variances)
-    s_base = np.linalg.svd(A[:, :r] * column_scale(A[:, :r]), compute_uv=False)
+    of_base = effort_fit.decomposed(A[:, :r], 0.0)
     size = _scale_of(base, prior, n)
     before = np.concatenate([
         base.matrix @ np.concatenate([prior.parameters, np.zeros(n)]), np.zeros(len(x) - r)])
     excited = np.concatenate([deviations[:r] < UNEXCITED * size, np.isfinite(deviations[r:])])
-    condition = float(s_base[0] / s_base[-1]) if s_base.all() and joints else np.inf
+    condition = np.inf if of_base.is_lost.any() else of_base.condition
     return ParameterEstimate(names, x, deviations, before, r, condition, excited)
 
 
-def _columns(
-    information: QrInformation, base: BaseParameters, problem: Problem,
-) -> tuple[list[FloatArray], tuple[str, ...]]:
-    """Return for each joint the matrix that maps the estimate to the columns of its factor."""
-    r, p = base.rank, problem.prior.count
-    own = [[c for c in structure.columns if c != INERTIA] for structure in problem.structures]
-    total = r + sum(len(columns) for columns in own)
-    names = list(base.labels)
-    blocks = []
-    first = r
-    for j, columns in enumerate(own):
-        block = np.zeros((len(information.columns) + 1, total))
-        for k, column in enumerate(base.columns):
-            if column < p:
-                block[column, k] = 1.0
-            elif column == p + j:
-                block[p + INERTIA, k] = 1.0
-        for i, column in enumerate(columns):
-            block[p + column, first + i] = 1.0
-            names.append(f'{COLUMN_NAMES[column]}({information.joint_names[j]})')
-        blocks.append(block)
-        first += len(columns)
-    return blocks, tuple(names)
+def base_variables(base: BaseParameters, problem: Problem) -> tuple[
+        FloatArray, IntArray, list[tuple[int, int]]]:
+    """
+    Return how the variables of a problem depend on base parameters and joints' own parameters.
+
+    The matrix (k, u) is from the variables to both; the places (k,) are those of variables with
+    which it is the unit matrix; the pairs are joint and column of each own parameter.
+    """
+    starts = [part.start for _, part in problem.own]
+    of_base = np.concatenate([np.arange(problem.prior.count), starts])
+    own = np.setdiff1d(np.arange(problem.size), of_base)
+    places = np.concatenate([of_base[list(base.columns)], own]).astype(np.intp)
+    T = np.eye(problem.size)[places]
+    T[:base.rank, of_base] = base.matrix
+    return T, places, [(j, column) for j, structure in enumerate(problem.structures)
+                       for column in structure.columns if column != INERTIA]
 
 
 def _scale_of(base: BaseParameters, prior: Prior, n: int) -> FloatArray:

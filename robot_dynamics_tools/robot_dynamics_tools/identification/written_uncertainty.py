@@ -35,6 +35,7 @@ from robot_dynamics_tools.identification.friction_regressor import FRICTION_COLU
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.pipeline import base_parameters_of, Identification
 from robot_dynamics_tools.identification.regularized_fit import bounded_problem
+from robot_dynamics_tools.identification.uncertainty import base_variables
 
 LARGEST_REGULARIZATION = 1.0
 POSES = 200
@@ -79,34 +80,39 @@ def recorded_deviations(identification: Identification) -> dict[str, FloatArray]
     such that it counts as white up to there.
     """
     deviation = _model_deviation(identification)
-    shown = [recording.shown for recording in identification.recordings]
+    shown = identification.recordings
+    motions = [each.motion for each in shown]
     known = [  # the covariance, which samples for training lack
-        (each.times >= each.test_from)[:, np.newaxis] * (deviation.errors(
-            each.position, each.velocity, each.acceleration)**2).sum(axis=2) for each in shown]
-    speed = np.abs(np.concatenate([each.velocity for each in shown]))
+        (motion.times >= each.test_from)[:, np.newaxis] * (deviation.errors(
+            motion.position, motion.velocity, motion.acceleration)**2).sum(axis=2)
+        for each, motion in zip(shown, motions)]
+    speed = np.abs(np.concatenate([motion.velocity for motion in motions]))
     slow, fast = np.quantile(speed, THIRDS, axis=0)
     left = np.maximum(1.0 - speed / np.maximum(fast, 1e-12), 1e-3)
+
+    measured = [motion.measured_effort for motion in motions]
+    raw = [effort if motion.recorded_effort is None else motion.recorded_effort
+           for effort, motion in zip(measured, motions)]
 
     def covered(values: FloatArray, is_part: BoolArray) -> FloatArray:
         return np.maximum([np.quantile(own[rows], COVERAGE)
                            for own, rows in zip(values.T, is_part.T)], 0.0)
 
     behind, before = (np.concatenate([
-        0.25 * (getattr(each, name) - each.single)**2 - of_model
-        for each, of_model in zip(shown, known)]) for name in ('measured', 'recorded'))
+        0.25 * (effort - each.single)**2 - of_model
+        for each, effort, of_model in zip(shown, efforts, known)]) for efforts in (measured, raw))
     noise = covered(behind, speed >= fast)
     friction, sharp = (
         covered((variance - covered(variance, speed >= fast)) / left**2, speed <= slow)
         for variance in (behind, before))
     friction = (1.0 - SHARP_PART) * friction + SHARP_PART * sharp
     wide = covered(before - friction * left**2, speed >= 0.0)
-    facts = [recording.facts for recording in identification.recordings]
-    band = min(noise_bandwidth(each.cutoff_hz, each.rate_hz) for each in facts)
+    band = min(noise_bandwidth(each.cutoff_hz, each.sample_rate_hz) for each in motions)
     ratio = np.divide(noise, wide, out=np.ones_like(noise), where=wide > 0.0)
     return {
         'noise_deviation': np.sqrt(noise),
         'noise_bandwidth': np.maximum(
-            0.5 * facts[0].rate_hz * min(float(np.median(ratio)), 1.0), band),
+            0.5 * motions[0].sample_rate_hz * min(float(np.median(ratio)), 1.0), band),
         'friction_deviation': np.sqrt(friction), 'friction_velocity': fast,
         'largest_velocity': speed.max(axis=0)}
 
@@ -127,17 +133,11 @@ def parameter_covariance(identification: Identification) -> tuple[tuple[str, ...
     problem = identification.models.problem
     A, b, _, _ = bounded_problem(information.together(), problem._replace(
         regularization=min(problem.regularization, LARGEST_REGULARIZATION)))
-    base = base_parameters_of(arm, GRAVITIES)
-    p, r, size = problem.prior.count, base.rank, A.shape[1]
-    names = [base.names[column] for column in base.columns]
-    T = np.zeros((r + size - p - arm.joint_count, size))
-    T[:r, :p] = base.matrix[:, :p]
-    for j, (columns, part) in enumerate(problem.own):
-        T[:r, part.start] = base.matrix[:, p + j]  # the reflected inertia comes first
-        for place, column in enumerate(columns[1:].tolist(), start=part.start + 1):
-            T[len(names), place] = 1.0
-            parameter = FRICTION_COLUMNS[column - p - 1].parameter
-            names.append(f'{parameter.name}({arm.joint_names[j]})')
+    base, p = base_parameters_of(arm, GRAVITIES), problem.prior.count
+    T, _, own = base_variables(base, problem)
+    names = [base.names[column] for column in base.columns] + [
+        f'{FRICTION_COLUMNS[column - 1].parameter.name}({arm.joint_names[j]})'
+        for j, column in own]
     # the friction of a joint without effort has no information, and its written values are 0
     inverse = decomposed(A, 1e-12).inverse
     fit = identification.models.consistent

@@ -17,7 +17,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.regressor import COUNT, LoadRegressor, NAMES
 from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.model.worst_gravity import sample_positions
-from robot_dynamics_tools.payload_estimation.information import inverse_of
+from robot_dynamics_tools.estimation.effort_fit import inverse_of
 
 TURNS = np.radians([15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 150.0, 180.0])
 """Candidate displacements of a joint [rad]."""

@@ -74,7 +74,7 @@ class PayloadEstimator:
             columns += arm.uncertainty.root.shape[1]
         self._block = max(SHORTEST_BLOCK, 1.0 / cutoff_hz)
         self._independent_interval = 0.5 / cutoff_hz  # of band-limited white noise
-        self._rows = RowBuilder(arm.joint_count, self._block, self._block, columns)
+        self._rows = RowBuilder(arm.joint_count, self._block, columns)
         self._position: FloatArray | None = None
         self._largest_effort = np.zeros(arm.joint_count)
 

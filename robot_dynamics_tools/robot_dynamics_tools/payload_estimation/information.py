@@ -19,15 +19,16 @@ The mean friction at rest has the prior deviation F. Without this unknown, frict
 the load in every hold, as in an arm that sags, would count as independent errors.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.regressor import COUNT
-from robot_dynamics_tools.estimation.effort_fit import fit_effort, NORMAL
+from robot_dynamics_tools.estimation.effort_fit import fit_effort, inverse_of, inverse_root, NORMAL
 from robot_dynamics_tools.payload_estimation import variance_groups
 from robot_dynamics_tools.payload_estimation.rows import Column, LoadRows
-from robot_dynamics_tools.payload_estimation.variance_groups import Group, RestRows
+from robot_dynamics_tools.payload_estimation.variance_groups import Group, RestRow
 
 PRIOR_DEVIATION = 100.0
 """Deviation [kg, kg·m, kg·m²] of the parameters without data: no restriction."""
@@ -41,7 +42,6 @@ EXPECTED_FRICTION = 0.1
 """Expected error of the friction in motion, relative to dry friction."""
 _EXACT = 1e-7
 """Relative deviation of an effort scale and offset that count as exact."""
-_ROUNDING = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class Solution:
 
 
 def solve(
-    rows: LoadRows, rests: RestRows, band: FloatArray, scale: FloatArray,
+    rows: LoadRows, rests: Sequence[RestRow], band: FloatArray, scale: FloatArray,
     drive_covariance: FloatArray,
 ) -> Solution:
     """
@@ -83,7 +83,7 @@ def solve(
     start = np.zeros(count)
     start[drives.start:drives.start + n] = 1.0
     exact = np.concatenate([np.full_like(scale, _EXACT), _EXACT * scale])
-    root = np.linalg.cholesky(inverse_of(np.diag(exact**2) + drive_covariance)).T
+    root = inverse_root(np.diag(exact**2) + drive_covariance)
     friction = np.maximum(band, variance_groups.LEAST_NOISE * scale)
 
     def prior(variances: FloatArray) -> FloatArray:
@@ -126,18 +126,6 @@ def solve(
                   np.diag(covariance)[COUNT + 2 * n:COUNT + 3 * n]),
         np.sqrt(np.divide(squares, power, out=np.full(n, np.nan), where=power > 0.0)),
         of_drives / np.diag(covariance)[:COUNT])
-
-
-def inverse_of(A: FloatArray) -> FloatArray:
-    """
-    Return the inverse (..., k, k) of symmetric positive definite matrices.
-
-    The inverse is positive definite also if rounding errors exceed the smallest eigenvalue.
-    """
-    scale = 1.0 / np.sqrt(np.diagonal(A, axis1=-2, axis2=-1))
-    values, vectors = np.linalg.eigh(A * scale[..., :, None] * scale[..., None, :])
-    roots = scale[..., :, None] * vectors / np.sqrt(np.maximum(values, _ROUNDING))[..., None, :]
-    return np.asarray(roots @ np.swapaxes(roots, -1, -2))
 
 
 def _expected(

@@ -33,7 +33,6 @@ class RecordedPayload:
     """
 
     estimate: PayloadEstimate
-    arm: ArmModel
     bags: tuple[Path, ...]
     remarks: tuple[str, ...]
     failed: tuple[tuple[Path, str], ...]
@@ -74,8 +73,7 @@ def estimate_from_bags(
         raise RecordingError('no recording can be used: ' + '; '.join(
             f'{bag.name}: {error}' for bag, error in failed))
     return RecordedPayload(
-        estimator.estimate(), estimator.arm, tuple(used), tuple(dict.fromkeys(remarks)),
-        tuple(failed))
+        estimator.estimate(), tuple(used), tuple(dict.fromkeys(remarks)), tuple(failed))
 
 
 def _read(

@@ -3,7 +3,8 @@
 
 """The result of an estimation: values, deviations, verdict, advice and remarks."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -13,10 +14,11 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model.payload_check import LEAST_DISTANCE, reach, REACH_MULTIPLE
 from robot_dynamics.model.regressor import COUNT, LoadRegressor, NAMES, random_states
+from robot_dynamics_tools.estimation.effort_fit import decomposed, inverse_of
 from robot_dynamics_tools.payload_estimation.advice import advise, Knowledge
-from robot_dynamics_tools.payload_estimation.information import inverse_of, Solution
+from robot_dynamics_tools.payload_estimation.information import Solution
 from robot_dynamics_tools.payload_estimation.rows import LoadRows
-from robot_dynamics_tools.payload_estimation.variance_groups import RestRows
+from robot_dynamics_tools.payload_estimation.variance_groups import RestRow
 from robot_dynamics_tools.pseudo_inertia import is_consistent
 
 UNITS = ('kg', *('kg·m',) * 3, *('kg·m²',) * 6)
@@ -35,32 +37,24 @@ LEAST_PART_OF_DRIVES = 0.5
 CALIBRATE = (
     'scale and mass are confounded: calibrate_gravity with a known weight separates them, or hold '
     'more poses, in which the gravity torque of the arm without the load differs')
-LENGTH = 0.1
-"""Length [m] with which parameters are scaled to compare them."""
 _STATES = 40
 _NOTHING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class PayloadEstimate:
+class PayloadEstimate(Solution):
     """
     What is attached to `link`: π = (m, m c, I), each (10,), in the frame of the link.
 
-    `values` [kg, kg·m, kg·m²] have the standard `deviations`: ± 1.96 deviations covers the true
-    value in 95 % of the cases. `verdicts` has one of OBSERVABLE, UNOBSERVABLE, INSEPARABLE (every
-    motion of this arm depends only on a sum with others) and NO_EFFECT. `per_percent` is the error
-    if all measured efforts are 1 % too large. `duration` [s], `holds`, `pairs` and `singles`
-    (rests of single joints) and `blocks` (of motion) count the data. `residual` (n,) is the RMS of
-    the residuals of each joint by that of its effort, NaN without data. `implausible` says why the
-    estimate is physically impossible.
+    `values` [kg, kg·m, kg·m²] have the standard `deviations`, infinite without effect. `verdicts`
+    has one of OBSERVABLE, UNOBSERVABLE, INSEPARABLE (every motion of this arm depends only on a
+    sum with others) and NO_EFFECT. `duration` [s], `holds`, `pairs` and `singles` (rests of single
+    joints) and `blocks` (of motion) count the data. `implausible` says why the estimate is
+    physically impossible.
     """
 
     link: str
-    values: FloatArray
-    deviations: FloatArray
-    covariance: FloatArray
     verdicts: tuple[str, ...]
-    per_percent: FloatArray
     duration: float
     holds: int
     pairs: int
@@ -71,7 +65,6 @@ class PayloadEstimate:
     implausible: tuple[str, ...]
     remarks: tuple[str, ...]
     joint_names: tuple[str, ...]
-    residual: FloatArray
 
     @property
     def mass(self) -> float:
@@ -127,7 +120,7 @@ class PayloadEstimate:
 
 
 def make_result(
-    arm: ArmModel, link: str, solution: Solution, rows: LoadRows, rests: RestRows,
+    arm: ArmModel, link: str, solution: Solution, rows: LoadRows, rests: Sequence[RestRow],
     band: FloatArray, block: float, position: FloatArray | None, with_advice: bool,
     scale_deviation: float,
 ) -> PayloadEstimate:
@@ -150,13 +143,15 @@ def make_result(
     remarks = _unknown_errors(arm, scale_deviation, float(solution.of_drives[0]))
     if all(verdict == OBSERVABLE for verdict in verdicts) and not is_consistent(solution.values):
         remarks += ('no mass distribution has the estimated inertia: its error is too large',)
+    pairs = sum(one.is_paired for one in rests)
     deviations = np.where([one == NO_EFFECT for one in verdicts], np.inf, solution.deviations)
     return PayloadEstimate(
-        link, solution.values, deviations, solution.covariance, verdicts,
-        solution.per_percent, rows.duration, rows.holds, int(rests.paired.sum()),
-        int((~rests.paired).sum()), int(rows.count.sum()),
-        _friction_text(rests, band), advice, _implausible(arm, solution, verdicts), remarks,
-        arm.joint_names, solution.residual)
+        **vars(replace(solution, deviations=deviations)), link=link, verdicts=verdicts,
+        duration=rows.duration, holds=rows.holds, pairs=pairs,
+        singles=len(rests) - pairs, blocks=int(rows.count.sum()),
+        friction=_friction_text(pairs, len(rests) - pairs, band), advice=advice,
+        implausible=_implausible(arm, solution, verdicts), remarks=remarks,
+        joint_names=arm.joint_names)
 
 
 def _unknown_errors(arm: ArmModel, scale_deviation: float, of_drives: float) -> tuple[str, ...]:
@@ -177,22 +172,18 @@ def _unknown_errors(arm: ArmModel, scale_deviation: float, of_drives: float) -> 
 
 
 def _verdicts(regressor: LoadRegressor, solution: Solution, limit: FloatArray) -> tuple[str, ...]:
+    """Return the verdict on each parameter, from random states and from the deviations."""
     Y = regressor(*random_states(regressor.arm, _STATES)).reshape(-1, COUNT)
-    Y = Y * np.array([1.0, *(LENGTH,) * 3, *(LENGTH**2,) * 6])
-    _, s, Vt = np.linalg.svd(Y, full_matrices=True)
-    rank = int((s > _NOTHING * max(s.max(), 1e-300)).sum())
-    inside = np.sum(Vt[:rank]**2, axis=0)  # 1 for a parameter that can be determined
     has_effect = np.abs(Y).max(axis=0) > _NOTHING * max(np.abs(Y).max(), 1e-300)
     return tuple(
-        NO_EFFECT if not effect else INSEPARABLE if part < 1.0 - 1e-6 else
+        NO_EFFECT if not effect else INSEPARABLE if is_lost else
         OBSERVABLE if deviation <= largest else UNOBSERVABLE
-        for effect, part, deviation, largest in zip(
-            has_effect.tolist(), inside.tolist(), solution.deviations.tolist(), limit.tolist()))
+        for effect, is_lost, deviation, largest in zip(
+            has_effect, decomposed(Y * has_effect).is_lost, solution.deviations, limit))
 
 
-def _friction_text(rests: RestRows, band: FloatArray) -> str:
+def _friction_text(pairs: int, singles: int, band: FloatArray) -> str:
     """Return how dry friction at rest is treated."""
-    pairs, singles = int(rests.paired.sum()), int((~rests.paired).sum())
     if not pairs + singles:
         return 'no rest is used: dry friction at rest has no effect'
     known = 'within the dry friction of the model' if band.any() else (

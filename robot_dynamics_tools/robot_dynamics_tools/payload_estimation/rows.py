@@ -92,12 +92,10 @@ class LoadRows:
 class RowBuilder:
     """Forms the rows of n joints from samples in the order of time, in constant memory."""
 
-    def __init__(
-        self, joint_count: int, block: float, settling: float, columns: int = COLUMNS,
-    ) -> None:
-        """Average over `block` [s]; discard `settling` [s] after a change of direction."""
+    def __init__(self, joint_count: int, block: float, columns: int = COLUMNS) -> None:
+        """Average over `block` [s]; discard as much after a change of direction."""
         n = joint_count
-        self._block, self._settling, self.columns = block, settling, columns
+        self._block, self.columns = block, columns
         self._gram, self._lagged = np.zeros((2, n, columns, columns))
         self._count, self._pairs = np.zeros((2, n))
         self._rests = [deque[Rest](maxlen=MOST_RESTS) for _ in range(n)]
@@ -143,7 +141,7 @@ class RowBuilder:
         self._effort = moving[:, Column.EFFORT]
         self._change_kind(t, q, v)
         is_rest = self._kind == _REST
-        used = (self._kind != _BETWEEN) & (t - self._since >= self._settling)
+        used = (self._kind != _BETWEEN) & (t - self._since >= self._block)
         z = np.where(is_rest[:, None], resting, moving)
         is_first = used & (self._sums[:, _SAMPLES] == 0.0)
         self._begin = np.where(is_first, t, self._begin)

@@ -19,9 +19,10 @@ limits. Blocks whose residuals are correlated with the next block count less, by
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.regressor import COUNT
 from robot_dynamics_tools.estimation.effort_fit import Rows
 from robot_dynamics_tools.payload_estimation.rows import Column, COLUMNS, LoadRows, Rest
@@ -43,25 +44,23 @@ BAND_WEIGHT, POOLED_WEIGHT = 12.0, 2.0
 _ASSUMED_WEIGHT, _PAIRED_WEIGHT = 0.01, 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class RestRows:
+class RestRow(NamedTuple):
     """
-    The observations at rest, k of them.
+    An observation of a joint at rest: the mean of two rests if `is_paired`, otherwise one rest.
 
-    `joint` (k,), `row` (k, c), whose SIGN is the direction of approach, `paired` (k,),
-    `weight` (k,) in (0, 1]: parts of one uninterrupted rest share the weight of one observation,
-    because friction may be the same.
-    `noise` (k,) is the variance of the average due to noise between samples.
+    `row` (c,) has as SIGN the direction of approach. Parts of one uninterrupted rest share the
+    `weight` of one observation, because friction may be the same. `noise` is the variance of the
+    average due to noise between samples.
     """
 
-    joint: IntArray
+    joint: int
     row: FloatArray
-    paired: BoolArray
-    weight: FloatArray
-    noise: FloatArray
+    is_paired: bool
+    weight: float
+    noise: float
 
 
-def pair_rests(rests: Sequence[Rest], independent_interval: float) -> RestRows:
+def pair_rests(rests: Sequence[Rest], independent_interval: float) -> list[RestRow]:
     """
     Return the observations at rest, each rest in at most one pair.
 
@@ -71,20 +70,11 @@ def pair_rests(rests: Sequence[Rest], independent_interval: float) -> RestRows:
     for joint in sorted({rest.joint for rest in rests}):
         groups += _pairs_and_others([rest for rest in rests if rest.joint == joint])
     stays = Counter((rest.joint, rest.stay) for rest in rests)
-
-    def noise(group: tuple[Rest, ...]) -> float:
-        return float(np.mean([
-            rest.variance / max(rest.duration / independent_interval, 1.0)
-            for rest in group])) / len(group)
-
-    return RestRows(
-        np.array([group[0].joint for group in groups], dtype=np.intp),
-        np.array([np.mean([rest.row for rest in group], axis=0) for group in groups])
-        if groups else np.zeros((0, COLUMNS)),
-        np.array([len(group) == 2 for group in groups], dtype=np.bool_),
-        np.array([1.0 / max(stays[rest.joint, rest.stay] for rest in group)
-                  for group in groups]),
-        np.array([noise(group) for group in groups]))
+    return [RestRow(
+        group[0].joint, np.mean([rest.row for rest in group], axis=0), len(group) == 2,
+        1.0 / max(stays[rest.joint, rest.stay] for rest in group),
+        float(np.mean([rest.variance / max(rest.duration / independent_interval, 1.0)
+                       for rest in group])) / len(group)) for group in groups]
 
 
 def _pairs_and_others(rests: Sequence[Rest]) -> list[tuple[Rest, ...]]:
@@ -123,7 +113,7 @@ class Group:
 
 
 def make_groups(
-    rows: LoadRows, rests: RestRows, band: FloatArray, scale: FloatArray,
+    rows: LoadRows, rests: Sequence[RestRow], band: FloatArray, scale: FloatArray,
 ) -> list[Group]:
     groups, n = [], len(scale)
     for j in range(n):
@@ -133,10 +123,11 @@ def make_groups(
                 j, 'motion', _model(rows.gram[j], rows.count[j], n, j, 'motion'), 0.0,
                 POOLED_WEIGHT, least, lagged=rows.lagged[j], pairs=rows.pairs[j]))
         for kind, fraction in (('single', 1.0), ('paired', PAIRED_FRACTION)):
-            own = (rests.joint == j) & (rests.paired == (kind == 'paired'))
-            if own.any():
-                z, w = rests.row[own], rests.weight[own]
-                noise = float(np.sum(w * rests.noise[own]) / w.sum())
+            own = [one for one in rests
+                   if one.joint == j and one.is_paired == (kind == 'paired')]
+            if own:
+                z, w = np.array([one.row for one in own]), np.array([one.weight for one in own])
+                noise = float(np.average([one.noise for one in own], weights=w))
                 prior = BAND_VARIANCE * (fraction * band[j])**2 + noise if band[j] > 0.0 else 0.0
                 groups.append(Group(
                     j, kind, _model((z * w[:, None]).T @ z, float(w.sum()), n, j, kind), prior,

@@ -219,7 +219,7 @@ def identified(urdf: str, *names: str) -> Identification:
 def named(found: Identification) -> list[int]:
     """Return the numbers of the recordings that contradict the others."""
     return [k for k, each in enumerate(found.recordings)
-            if any('contradicts the other' in cause for cause in each.facts.contradictions)]
+            if any('contradicts the other' in cause for cause in each.contradictions)]
 
 
 @pytest.mark.parametrize(('urdf', 'names', 'odd'), [
@@ -234,7 +234,7 @@ def test_the_recording_of_another_arm_is_named(urdf, names, odd):
     ('panda', 'panda', False), ('default', 'default', False)])
 def test_the_urdf_of_another_arm_is_named(urdf, name, is_far):
     (recording,) = identified(urdf, name).recordings
-    causes = recording.facts.contradictions
+    causes = recording.contradictions
     assert ['another URDF' in cause for cause in causes] == [True] * is_far
 
 
@@ -244,7 +244,7 @@ def test_the_urdf_of_another_arm_is_named(urdf, name, is_far):
 def test_the_urdf_of_another_arm_is_named_for_a_real_arm(urdf, is_far):
     read = read_for_arm(UR10, AnalysisSettings(urdf=robot_urdf(urdf)))
     (recording,) = identify(read.arm, [filter_motion(read.series)]).recordings
-    causes = recording.facts.contradictions
+    causes = recording.contradictions
     assert ['another URDF' in cause for cause in causes] == [True] * is_far
 
 

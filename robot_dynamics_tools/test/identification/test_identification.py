@@ -190,7 +190,7 @@ def test_a_contact_counts_little(planar):
     pushed = effort.copy()
     pushed[600:700, 0] += 80.0
     motion = recorded(ARM, states, pushed, 0.2)
-    reference = identify(ARM, [motion], 1.0).models.base
+    reference = identify(ARM, [motion], 1.0).models.by_name['base']
     expected = true_values(true)[:BASE.rank]
     plain, weighted = (
         np.abs(estimate(motion, reference=each).values[:BASE.rank] / expected - 1.0)

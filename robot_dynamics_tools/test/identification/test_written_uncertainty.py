@@ -98,10 +98,10 @@ def test_the_interval_contains_95_percent_of_the_recorded_and_of_other_samples(m
         ARM, states, effort_of(states) + lugre_friction(states), NOISE) for states in motions])
     arm = loaded(found, {
         **parameter_values(ARM, found.models.consistent), **uncertainty_values(found)})
-    shown = [recording.shown for recording in found.recordings]
+    shown = [recording.motion for recording in found.recordings]
     share = share_inside(arm, *(
         np.concatenate([getattr(each, name) for each in shown])
-        for name in ('position', 'velocity', 'acceleration', 'measured')))
+        for name in ('position', 'velocity', 'acceleration', 'measured_effort')))
     assert (share > 0.9545 - 0.015).all()
     assert (share[1] < 0.98).all()
     states = motion(ARM, 100.0, 30.0, 20)
@@ -115,7 +115,7 @@ def test_the_interval_contains_95_percent_of_the_recorded_and_of_other_samples(m
 def test_the_noise_is_that_of_the_recording_behind_and_before_its_filter(cases):
     for found, values in cases:
         noise = np.array(values['uncertainty.noise_deviation'])
-        band = 0.898 * found.recordings[0].facts.cutoff_hz
+        band = 0.898 * found.recordings[0].motion.cutoff_hz
         # white noise at 100 Hz has a band of 50 Hz; the errors of the model add to it
         ratio = noise / (NOISE * np.sqrt(band / 50.0))
         assert ((ratio > 0.9) & (ratio < 1.5)).all()
