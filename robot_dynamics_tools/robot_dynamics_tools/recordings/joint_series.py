@@ -222,20 +222,16 @@ class RecordedJointStates:
         keep = places[advancing]
         kept = stamps[keep]
         count = len(self.times_ns)
-        periods = np.diff(kept)
-        period = int(np.median(periods)) if len(periods) else 0
         faults = sample_faults.SampleFaults(
-            period_ns=period, gaps=sample_faults.gaps_between(kept, periods, period),
-            duplicated_ns=stamps[places[repeated]],
-            backward_ns=stamps[places[~advancing & ~repeated]],
-            other_joints=count - len(stamps) - self.unreadable,
-            incomplete=int((~whole).sum()),
-            unreadable=self.unreadable, arrival_times=arrival_times,
-            never_finite=tuple(
+            sample_faults.fault_lines(
+                kept, stamps[places[repeated]], stamps[places[~advancing & ~repeated]], {
+                    'without the wanted joints': count - len(stamps) - self.unreadable,
+                    'with a number missing or not finite': int((~whole).sum()),
+                    'that cannot be decoded': self.unreadable}),
+            tuple(
                 f'{field_name} of {name}' for field_name, values in columns.items()
                 if np.isfinite(values).any() for name, column in zip(names, values.T)
-                if not np.isfinite(column).any()),
-            start_ns=int(kept[0]))
+                if not np.isfinite(column).any()), arrival_times)
 
         def chosen(name: str) -> FloatArray | None:
             return columns[name][keep] if name in fields else None

@@ -95,19 +95,16 @@ def test_as_few_samples_as_possible_are_left_out(stamps):
     for i in range(len(first)):
         best[i] += max((best[k] for k in range(i) if first[k] < first[i]), default=0)
     assert len(rows) == max(best)
-    faults = series.faults
-    assert len(faults.duplicated_ns) == len(stamps) - len(first)
-    assert len(faults.backward_ns) == len(first) - len(rows)
+    for what, count in (('duplicated', len(stamps) - len(first)),
+                        ('out of order', len(first) - len(rows))):
+        said = any(line.startswith(f'{what}: {count} sample') for line in series.faults.words())
+        assert said == (count > 0)
     assert series.passed_over == len(stamps) - len(rows)
 
 
 def test_dropped_samples_are_counted_by_the_median_period():
     stamps = [10**7 * k for k in range(1, 200) if k not in (50, 51, 52, 120)]
-    faults = series_of(stamps).faults
-    assert faults.period_ns == 10**7
-    assert [(gap.start_ns, gap.end_ns, gap.missing) for gap in faults.gaps] == [
-        (49 * 10**7, 53 * 10**7, 3), (119 * 10**7, 121 * 10**7, 1)]
-    assert faults.words() == [
+    assert series_of(stamps).faults.words() == [
         'dropped: about 4 samples, in 2 gaps beyond 1.5 median periods of 10 ms, the longest '
         '40 ms; at 0.480, 1.180 s']
 
@@ -123,7 +120,7 @@ def test_names_are_chosen_renamed_and_refused():
     assert states_.together(('p2', 'g', 'p1')) == ('p2', 'p1')
     series = states_.renamed({'p1': 'j1'}).series(('p2', 'j1'))
     np.testing.assert_array_equal(series.position, values[:, ::-1])
-    assert series.faults.other_joints == 3
+    assert series.faults.words() == ['left out: 3 messages without the wanted joints']
     with pytest.raises(RecordingError, match=r"no message of a test .*\['g', 'p1'\]"):
         states_.series(('g', 'p1'))  # one after the other
 
