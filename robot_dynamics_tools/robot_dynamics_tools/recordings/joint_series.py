@@ -3,8 +3,9 @@
 
 """A series of joint states: samples with increasing stamps, and the faults of the others."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray, NANOSECONDS_PER_SECOND
@@ -89,21 +90,18 @@ class JointSeries:
 
     def at(self, rows: IntArray) -> 'JointSeries':
         """Return the samples at these rows."""
-        return self._chosen(rows, np.arange(len(self.joint_names)))
+        return replace(self, stamps_ns=self.stamps_ns[rows], **self._each(lambda x: x[rows]))
 
     def of_joints(self, joint_names: Sequence[str]) -> 'JointSeries':
         """Return the samples of these joints, in this order."""
-        columns = np.array([self.joint_names.index(name) for name in joint_names], dtype=np.intp)
-        return self._chosen(np.arange(len(self.stamps_ns)), columns)
-
-    def _chosen(self, rows: IntArray, columns: IntArray) -> 'JointSeries':
-        def chosen(values: FloatArray | None) -> FloatArray | None:
-            return None if values is None else np.asarray(values[np.ix_(rows, columns)])
-
+        columns = [self.joint_names.index(name) for name in joint_names]
         return replace(
-            self, joint_names=tuple(self.joint_names[i] for i in columns),
-            stamps_ns=self.stamps_ns[rows], position=chosen(self.position),
-            velocity=chosen(self.velocity), effort=chosen(self.effort))
+            self, joint_names=tuple(joint_names), **self._each(lambda x: x[:, columns]))
+
+    def _each(self, chosen: Callable[[FloatArray], FloatArray]) -> dict[str, Any]:
+        """Return what `chosen` returns of each recorded field."""
+        return {name: chosen(values) for name in FIELDS
+                if (values := getattr(self, name)) is not None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,9 +231,6 @@ class RecordedJointStates:
                 if np.isfinite(values).any() for name, column in zip(names, values.T)
                 if not np.isfinite(column).any()), arrival_times)
 
-        def chosen(name: str) -> FloatArray | None:
-            return columns[name][keep] if name in fields else None
-
         return JointSeries(
-            names, kept, chosen('position'), chosen('velocity'), chosen('effort'),
-            count - len(kept), faults)
+            names, kept, *(columns[f][keep] if f in fields else None for f in FIELDS),
+            passed_over=count - len(kept), faults=faults)

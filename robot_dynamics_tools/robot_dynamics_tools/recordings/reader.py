@@ -63,10 +63,6 @@ class Recording(AbstractContextManager['Recording']):
             self._stack = stack.pop_all()
         self.notes += [note for stored in self._files for note in stored.notes]
 
-    def __repr__(self) -> str:
-        messages = sum(topic.message_count for topic in self.topics)
-        return (f'<Recording {str(self.path)!r}, {len(self.topics)} topics, {messages} messages>')
-
     def _unreadable(self, reason: str) -> RecordingError:
         return RecordingError(f'recording {str(self.path)!r} cannot be read: {reason}')
 
