@@ -213,9 +213,7 @@ def _limit_use(arm: ArmModel, motion: FilteredMotion, effort: FloatArray) -> Lim
     limits = arm.limits
 
     def ratio(values: FloatArray, limit: FloatArray) -> FloatArray:
-        is_limit = np.isfinite(limit) & (limit > 0.0)
-        largest = np.abs(values).max(axis=0)
-        return np.where(is_limit, largest / np.where(is_limit, limit, 1.0), np.nan)
+        return _ratio(np.abs(values).max(axis=0), np.where(np.isfinite(limit), limit, 0.0))
 
     distance = np.minimum(
         motion.position.min(axis=0) - limits.lower, limits.upper - motion.position.max(axis=0))

@@ -15,7 +15,7 @@ they cannot explain a wrong sign. A residual that no cause reduces, and a gravit
 that of the URDF, suggest another arm.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import NamedTuple
@@ -27,6 +27,11 @@ from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.regressor import COUNT, inertial_parameters, TorqueRegressor
+from robot_dynamics_tools.analysis.gravity_ratio import (
+    far_from_urdf,
+    gravity_cause,
+    gravity_ratios,
+)
 from robot_dynamics_tools.analysis.motion_filter import (
     filter_like,
     FilteredMotion,
@@ -43,22 +48,10 @@ In pauses, friction that no term describes gives gains of up to 0.2 for a delay 
 """
 UNEXPLAINED = 0.15
 """Median residual of the joints, relative to the effort, that suggests another arm."""
-FAR = 2.0
-"""
-Ratio of the gravity torque at a joint to that of the URDF that suggests another arm.
-
-ln 2 is two standard deviations of a URDF whose masses are wrong by a third, all in one sense.
-"""
-TWICE = 1.6, 2.5
-"""Size of gravity, by that of the URDF, that suggests that it is added twice."""
-_LEAST_SHARE = 0.2
 LEAST_NOISE = 0.005
 """Residual, relative to the effort, below which nothing is explained."""
 DELAYS = 0.01 * np.arange(-5, 31)
 """Candidate delays [s] of the effort."""
-LEAST_TILT = np.radians(3.0)
-LEAST_GRAVITY = 0.5
-"""Size of gravity, by that of the URDF, below which the effort lacks it; a tilt keeps it."""
 UNITS = (10.0, 100.0, 1000.0)
 LEAST_OF_UNIT = 3.0
 """Candidate ratios of the recorded effort to N·m, at most this times that to the URDF's effort."""
@@ -78,6 +71,7 @@ _POSES = 150
 _LOAD = 4  # mass and first moments
 _ROTOR, _SLIDING = 0, 2  # own columns of a joint: rotor, offset, then friction
 _MOST_CAUSES = 8
+_MOTION = ('position', 'velocity', 'acceleration')
 
 
 @dataclass(frozen=True)
@@ -159,12 +153,21 @@ def _swapped_joints(arm: ArmModel, motion: FilteredMotion, cost: float) -> str:
     for i, j in combinations(range(len(names)), 2):
         order = np.arange(len(names))
         order[[i, j]] = j, i
-        found = _Test(arm, replace(motion, **{name: getattr(motion, name)[:, order] for name in (
-            'position', 'velocity', 'acceleration', 'effort')})).fit(_Hypothesis()).cost
+        found = _cost_of_changed(
+            arm, motion, ('effort', *_MOTION), lambda x, order=order: x[:, order])
         if found < cost:
             cost, best = found, f'{names[i]} and {names[j]} are swapped in the recording'
     return best or ('the URDF does not explain the effort: another arm, another URDF, or joints '
                     'in another order')
+
+
+def _cost_of_changed(
+    arm: ArmModel, motion: FilteredMotion, names: tuple[str, ...],
+    change: Callable[[FloatArray], FloatArray],
+) -> float:
+    """Return the cost of the fit to a motion with a change of the arrays with these names."""
+    return _Test(arm, replace(motion, **{
+        name: change(getattr(motion, name)) for name in names})).fit(_Hypothesis()).cost
 
 
 def _far_gravity(test: '_Test', accepted: _Hypothesis, has_load: bool) -> tuple[str, ...]:
@@ -177,42 +180,13 @@ def _far_gravity(test: '_Test', accepted: _Hypothesis, has_load: bool) -> tuple[
     return far_from_urdf(test.arm.joint_names, gravity_ratios(test.arm, phi, test.positions))
 
 
-def gravity_ratios(arm: ArmModel, phi: FloatArray, q: FloatArray) -> FloatArray:
-    """
-    Return the RMS (n,) of the gravity torque of bodies φ (p,) by that of the arm, at q (m, n).
-
-    It is 1 at joints with less than a fifth of the largest torque. `arm` has no payload.
-    """
-    rest = np.zeros_like(q)
-    Y = TorqueRegressor(arm)(q, rest, rest)
-    found, described = (np.sqrt(np.mean((Y @ each)**2, axis=0))
-                        for each in (phi, inertial_parameters(arm)))
-    bears = np.maximum(found, described)
-    counts = (bears > _LEAST_SHARE * bears.max()) & (np.minimum(found, described) > 0.0)
-    return np.asarray(np.divide(found, described, out=np.ones_like(found), where=counts))
-
-
-def far_from_urdf(names: Sequence[str], ratios: FloatArray) -> tuple[str, ...]:
-    """Return a sentence if a gravity ratio of the named joints is far from 1."""
-    worst = int(np.argmax(np.abs(np.log(ratios))))
-    if 1.0 / FAR <= ratios[worst] <= FAR:
-        return ()
-    low, high = TWICE
-    is_twice = all(low <= ratio <= high for ratio in ratios.tolist() if ratio != 1.0)
-    return (f'the gravity torque at {names[worst]} is {ratios[worst]:.2g} times that of the URDF: '
-            'another arm, another URDF, or a load that is not given'
-            + (', or gravity is added twice' if is_twice else ', or the effort is a current '
-               '(`identify --effort current`)' if ratios[worst] < 1.0 else ''),)
-
-
 def _check_degrees(arm: ArmModel, motion: FilteredMotion, cost: float) -> None:
     """Raise RecordingError if the fit with positions as degrees has less than this cost."""
     turns = np.array([kind != 'prismatic' for kind in arm.joint_kinds])
     if not (np.ptp(motion.position, axis=0)[turns] > LARGEST_TRAVEL).any():
         return
     unit = np.where(turns, np.radians(1.0), 1.0)
-    if _Test(arm, replace(motion, **{name: unit * getattr(motion, name) for name in (
-            'position', 'velocity', 'acceleration')})).fit(_Hypothesis()).cost < cost:
+    if _cost_of_changed(arm, motion, _MOTION, lambda x: unit * x) < cost:
         raise RecordingError(
             'positions and velocities in degrees: as degrees, they explain the effort. '
             'Expected radians')
@@ -399,8 +373,8 @@ class _Test:
         for i, j in zip(accepted.swapped[::2], accepted.swapped[1::2]):
             yield f'the efforts of {names[i]} and {names[j]} are swapped'
         if first in found:
-            yield _of_gravity(given, np.asarray(self.arm.pinocchio_model.gravity.linear)
-                              + self.gravity_change(accepted))
+            yield gravity_cause(given, np.asarray(self.arm.pinocchio_model.gravity.linear)
+                                + self.gravity_change(accepted))
         for j, name in enumerate(names):
             if first + 3 + j in found:
                 value, unit = found[first + 3 + j], 'm'
@@ -413,20 +387,3 @@ class _Test:
             if place in found:
                 yield (f'the load at the last link changes by {found[place]:+.2g} kg '
                        f'after about {time:.3g} s')
-
-
-def _of_gravity(g: FloatArray, found: FloatArray) -> str:
-    """Return the cause if gravity `found` (3,) fits better than that of the model, g (3,)."""
-    size = float(np.linalg.norm(found) / np.linalg.norm(g))
-    if size < LEAST_GRAVITY:
-        return ('the effort lacks gravity (`measured_effort: joint_torque_without_gravity`), or '
-                'the robot compensates it')
-    angle = float(np.arccos(np.clip(found @ g / np.linalg.norm(g)**2 / size, -1.0, 1.0)))
-    if angle < LEAST_TILT:
-        is_twice = TWICE[0] <= size <= TWICE[1]
-        return (f'the effort of gravity is {size:.2g} times that of the URDF: '
-                f'{"gravity is added twice, " if is_twice else ""}another arm, another URDF, a '
-                'load, or another unit of the effort')
-    listed = ', '.join(f'{x:.3g}' for x in found / size)
-    return (f'the base is tilted by {np.degrees(angle):.0f}°: gravity is about ({listed}) m/s² '
-            'in its frame (parameter `gravity`)')
