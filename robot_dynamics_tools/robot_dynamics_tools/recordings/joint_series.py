@@ -139,22 +139,18 @@ class RecordedJointStates:
             state._replace(joint_names=tuple(names.get(name, name) for name in state.joint_names))
             for state in self.states))
 
-    def joined(self, joint_names: Sequence[str]) -> 'RecordedJointStates':
+    def _joined(self, joint_names: tuple[str, ...]) -> JointSeries:
         """
         Return the messages with most of these joints, with all of them, those of others between.
 
         A value is interpolated from the messages before and after, at most two periods apart.
         """
-        together = self.together(joint_names)
-        base = [state for state in self.states if set(together) <= set(state.joint_names)]
-        stamps = np.array([self._time(state) for state in base])
-        columns = {field: np.stack([
+        together = set(self.together(joint_names))
+        stamps = np.array([
+            self._time(state) for state in self.states if together <= set(state.joint_names)])
+        return self._kept(joint_names, stamps, {field: np.stack([
             self._between(stamps, name, field) for name in joint_names], axis=1)
-            for field in FIELDS}
-        return replace(self, states=tuple(
-            RecordedState(state.row, tuple(joint_names), int(stamps[i]), {
-                field: values[i] for field, values in columns.items()})
-            for i, state in enumerate(base)))
+            for field in FIELDS}, False)
 
     def _time(self, state: RecordedState) -> int:
         """Return the stamp of a message, or the time of its recording if it has none [ns]."""
@@ -177,12 +173,12 @@ class RecordedJointStates:
         Return the samples of these joints, in this order; empty means those of the first message.
 
         Times are the header stamps, or the recording times if all stamps are zero. Joints that
-        come in several messages are `joined`. Raises RecordingError if no message has a joint, or
-        a complete sample.
+        come in several messages are interpolated. Raises RecordingError if no message has a joint,
+        or a complete sample.
         """
         names = tuple(joint_names or next(iter(self.layouts), ()))
         if set(names) <= set(self.joint_names) and len(self.together(names)) < len(names):
-            return self.joined(names).series(names)
+            return self._joined(names)
         places = {layout: np.array([layout.index(name) for name in names])
                   for layout in self.layouts if names and set(names) <= set(layout)}
         states = [state for state in self.states if state.joint_names in places]
