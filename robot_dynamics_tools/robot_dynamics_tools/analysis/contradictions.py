@@ -17,8 +17,9 @@ that of the URDF, suggest another arm.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
@@ -127,8 +128,7 @@ def find_contradictions(
         # after a large cause, a small one may be an error of the large one
         trials = [(test.cost(accepted | each), max(least_gain, each.least_gain), each)
                   for each in test.hypotheses(accepted)]
-        needed = [test.freedom * gain * each.share(len(test.measured))
-                  for _, gain, each in trials]
+        needed = [test.freedom * gain * each.share(len(test.measured)) for _, gain, each in trials]
         best = int(np.argmin([least + more for (least, *_), more in zip(trials, needed)]))
         least, gain, each = trials[best]
         if cost - least < needed[best]:
@@ -136,14 +136,14 @@ def find_contradictions(
         accepted, cost, least_gain = accepted | each, least, gain
     if test.freedom and test.is_slow and np.median(test.fit(accepted).residual) > UNEXPLAINED:
         return 0.0, (_swapped_joints(arm, motion, cost - test.freedom * LEAST_GAIN),)
-    for _ in range(_RELINEARIZATIONS if test.gravity in accepted.columns else 0):
+    for _ in range(_RELINEARIZATIONS if test.gravity[0] in accepted.columns else 0):
         # the error of a mass has to act along the gravity that was found
         found = np.asarray(test.arm.pinocchio_model.gravity.linear) + test.gravity_change(accepted)
         test = _Test(arm.with_gravity(found), motion)
     far = _far_gravity(test, accepted, has_load)
     if far:  # bodies of another arm, whose inertia and gravity differ by other factors
         accepted = replace(accepted, columns=tuple(
-            column for column in accepted.columns if column >= test.gravity + 3))
+            column for column in accepted.columns if column not in test.gravity))
     return test.refined_delay(accepted), (*test.causes(accepted, given), *far)
 
 
@@ -154,7 +154,7 @@ def _swapped_joints(arm: ArmModel, motion: FilteredMotion, cost: float) -> str:
         order = np.arange(len(names))
         order[[i, j]] = j, i
         found = _cost_of_changed(
-            arm, motion, ('effort', *_MOTION), lambda x, order=order: x[:, order])
+            arm, motion, ('effort', *_MOTION), partial(np.take, indices=order, axis=1))
         if found < cost:
             cost, best = found, f'{names[i]} and {names[j]} are swapped in the recording'
     return best or ('the URDF does not explain the effort: another arm, another URDF, or joints '
@@ -163,7 +163,7 @@ def _swapped_joints(arm: ArmModel, motion: FilteredMotion, cost: float) -> str:
 
 def _cost_of_changed(
     arm: ArmModel, motion: FilteredMotion, names: tuple[str, ...],
-    change: Callable[[FloatArray], FloatArray],
+    change: Callable[[FloatArray], Any],
 ) -> float:
     """Return the cost of the fit to a motion with a change of the arrays with these names."""
     return _Test(arm, replace(motion, **{
@@ -239,8 +239,11 @@ class _Test:
         self.positions = q[::max(1, len(q) // _POSES)]
         self._products = np.einsum('mja,mjb->jab', Z, Z, optimize=True) / len(rows)
         self._own, self._p = own.shape[2], Y.shape[2]
-        self.gravity, self._others = self._p, Z.shape[2] - self._own - n
-        self.effort = self._others - len(DELAYS)
+        last = self._p + 3 + n
+        self.gravity, self.encoders = range(self._p, self._p + 3), range(self._p + 3, last)
+        self.loads = [range(last + k, last + k + _LOAD) for k in range(0, len(loads), _LOAD)]
+        self._effort = last + len(loads)
+        self._others = self._effort + len(DELAYS)
         prior = body_prior(inertial_parameters(arm))
         weights = np.full(self._p, _REGULARIZATION)
         weights[-COUNT:] = _ANY_LOAD
@@ -256,9 +259,7 @@ class _Test:
 
     def hypotheses(self, accepted: _Hypothesis) -> Iterator[_Hypothesis]:
         """Yield the hypotheses to add to an accepted one."""
-        first, last = self.gravity + 3, self.gravity + 3 + self.arm.joint_count
-        groups = [range(self.gravity, first), *(range(k, k + 1) for k in range(first, last)),
-                  *(range(k, k + _LOAD) for k in range(last, self.effort, _LOAD))]
+        groups = [self.gravity, *([k] for k in self.encoders), *self.loads]
         yield from (_Hypothesis(tuple(columns)) for columns in groups
                     if columns[0] not in accepted.columns)
         if not accepted.delay:
@@ -289,7 +290,7 @@ class _Test:
 
     def _efforts(self, hypothesis: _Hypothesis) -> tuple[IntArray, FloatArray]:
         """Return the column of the effort of each measured joint, and its gain."""
-        column = self.effort + int(np.argmin(np.abs(DELAYS - hypothesis.delay)))
+        column = self._effort + int(np.argmin(np.abs(DELAYS - hypothesis.delay)))
         pairs = list(zip(hypothesis.swapped[::2], hypothesis.swapped[1::2]))
         partners = {**dict(pairs), **{j: i for i, j in pairs}}
         return (
@@ -327,8 +328,7 @@ class _Test:
                 variance[i] = max(squares / powers[i], LEAST_NOISE**2)
                 joint = -values[:, columns] @ x
                 drives = joint[_SLIDING:] @ self._products[j, _SLIDING:own, _SLIDING] < 0.0
-                used[i] = (used[i][0] and bool(joint[_ROTOR] >= 0.0),
-                           used[i][1] and not drives)
+                used[i] = (used[i][0] and bool(joint[_ROTOR] >= 0.0), used[i][1] and not drives)
             if used == were_used and (np.abs(np.log(variance / before)) < 0.02).all():
                 break
         error = x[:p] - self.prior
@@ -340,8 +340,7 @@ class _Test:
     def cost(self, hypothesis: _Hypothesis) -> float:
         """Return the cost of `fit`, ∞ if an offset of an encoder is implausibly large."""
         cost, _, values, _ = self.fit(hypothesis)
-        first = self.gravity + 3
-        is_offset = [first <= k < first + self.arm.joint_count for k in hypothesis.columns]
+        is_offset = [k in self.encoders for k in hypothesis.columns]
         return np.inf if (np.abs(values[is_offset]) > LARGEST_OFFSET).any() else cost
 
     def refined_delay(self, accepted: _Hypothesis) -> float:
@@ -357,11 +356,11 @@ class _Test:
     def gravity_change(self, accepted: _Hypothesis) -> FloatArray:
         """Return what an accepted vector of gravity has more than that of `arm` (3,)."""
         found = dict(zip(accepted.columns, self.fit(accepted).values.tolist()))
-        return np.array([found[self.gravity + axis] for axis in range(3)])
+        return np.array([found[k] for k in self.gravity])
 
     def causes(self, accepted: _Hypothesis, given: FloatArray) -> Iterator[str]:
         """Yield a sentence per accepted cause; `given` is the gravity of the URDF (3,)."""
-        names, first = self.arm.joint_names, self.gravity
+        names = self.arm.joint_names
         found = dict(zip(accepted.columns, self.fit(accepted).values.tolist()))
         if accepted.unit != 1.0:
             yield ('the effort is far larger than that of the URDF: effort in mA or in another '
@@ -372,18 +371,16 @@ class _Test:
             yield f'the effort has the opposite sign at {listed}'
         for i, j in zip(accepted.swapped[::2], accepted.swapped[1::2]):
             yield f'the efforts of {names[i]} and {names[j]} are swapped'
-        if first in found:
+        if self.gravity[0] in found:
             yield gravity_cause(given, np.asarray(self.arm.pinocchio_model.gravity.linear)
                                 + self.gravity_change(accepted))
-        for j, name in enumerate(names):
-            if first + 3 + j in found:
-                value, unit = found[first + 3 + j], 'm'
-                if self.arm.joint_kinds[j] != 'prismatic':
-                    value, unit = float(np.degrees(value)), '°'
+        for k, name, kind in zip(self.encoders, names, self.arm.joint_kinds):
+            if k in found:
+                value, unit = (found[k], 'm') if kind == 'prismatic' else (
+                    float(np.degrees(found[k])), '°')
                 yield (f'the position of {name} is {value:+.2g} {unit} too large: offset of the '
                        'encoder, masses of the URDF, or a tilted base')
-        for k, time in enumerate(self.times.tolist()):
-            place = first + 3 + len(names) + _LOAD * k
-            if place in found:
-                yield (f'the load at the last link changes by {found[place]:+.2g} kg '
+        for (mass, *_), time in zip(self.loads, self.times.tolist()):
+            if mass in found:
+                yield (f'the load at the last link changes by {found[mass]:+.2g} kg '
                        f'after about {time:.3g} s')

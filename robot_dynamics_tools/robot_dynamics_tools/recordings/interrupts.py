@@ -33,8 +33,8 @@ def uninterrupted() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-        for number in arrived[:1]:
-            signal.raise_signal(number)
+        for signum in arrived[:1]:
+            signal.raise_signal(signum)
 
 
 @contextmanager

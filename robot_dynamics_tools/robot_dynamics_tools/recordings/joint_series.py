@@ -95,8 +95,7 @@ class JointSeries:
     def of_joints(self, joint_names: Sequence[str]) -> 'JointSeries':
         """Return the samples of these joints, in this order."""
         columns = [self.joint_names.index(name) for name in joint_names]
-        return replace(
-            self, joint_names=tuple(joint_names), **self._each(lambda x: x[:, columns]))
+        return replace(self, joint_names=tuple(joint_names), **self._each(lambda x: x[:, columns]))
 
     def _each(self, chosen: Callable[[FloatArray], FloatArray]) -> dict[str, Any]:
         """Return what `chosen` returns of each recorded field."""
@@ -109,12 +108,11 @@ class RecordedJointStates:
     """
     All messages of a topic, before joints are chosen.
 
-    `times_ns` (m,) are the times at which the messages were recorded, of which `unreadable` could
-    not be read; `source` names topic and recording in errors.
+    `unreadable` is the number of further messages, which could not be read; `source` names topic
+    and recording in errors.
     """
 
     source: str
-    times_ns: IntArray
     states: tuple[RecordedState, ...]
     unreadable: int
 
@@ -147,18 +145,14 @@ class RecordedJointStates:
         """
         together = set(self.together(joint_names))
         stamps = np.array([
-            self._time(state) for state in self.states if together <= set(state.joint_names)])
+            state.time_ns for state in self.states if together <= set(state.joint_names)])
         return self._kept(joint_names, stamps, {field: np.stack([
             self._between(stamps, name, field) for name in joint_names], axis=1)
             for field in FIELDS}, False)
 
-    def _time(self, state: RecordedState) -> int:
-        """Return the stamp of a message, or the time of its recording if it has none [ns]."""
-        return state.stamp_ns or int(self.times_ns[state.row])
-
     def _between(self, stamps_ns: IntArray, name: str, field: str) -> FloatArray:
         """Return a field of a joint at these stamps (m,), NaN where its messages are apart."""
-        own = [(self._time(state), state.values[field][state.joint_names.index(name)])
+        own = [(state.time_ns, state.values[field][state.joint_names.index(name)])
                for state in self.states if name in state.joint_names and field in state.values]
         if len(own) < 2:
             return np.full(len(stamps_ns), np.nan)
@@ -190,7 +184,7 @@ class RecordedJointStates:
         stamps = np.array([state.stamp_ns for state in states], dtype=np.int64)
         arrival_times = not stamps.any()
         if arrival_times:
-            stamps = self.times_ns[[state.row for state in states]]
+            stamps = np.array([state.recorded_ns for state in states], dtype=np.int64)
         nothing = np.full(len(names), np.nan)
         columns = {field: np.array([
             state.values[field][places[state.joint_names]] if field in state.values else nothing
@@ -215,11 +209,11 @@ class RecordedJointStates:
         advancing, repeated = sample_faults.advancing_and_repeated(stamps[whole])
         keep = places[advancing]
         kept = stamps[keep]
-        count = len(self.times_ns)
+        count = len(self.states) + self.unreadable
         faults = sample_faults.SampleFaults(
             sample_faults.fault_lines(
                 kept, stamps[places[repeated]], stamps[places[~advancing & ~repeated]], {
-                    'without the wanted joints': count - len(stamps) - self.unreadable,
+                    'without the wanted joints': len(self.states) - len(stamps),
                     'with a number missing or not finite': int((~whole).sum()),
                     'that cannot be decoded': self.unreadable}),
             tuple(
@@ -227,6 +221,5 @@ class RecordedJointStates:
                 if np.isfinite(values).any() for name, column in zip(names, values.T)
                 if not np.isfinite(column).any()), arrival_times)
 
-        return JointSeries(
-            names, kept, *(columns[f][keep] if f in fields else None for f in FIELDS),
-            passed_over=count - len(kept), faults=faults)
+        position, velocity, effort = (columns[f][keep] if f in fields else None for f in FIELDS)
+        return JointSeries(names, kept, position, velocity, effort, count - len(kept), faults)

@@ -91,8 +91,8 @@ class TableRecording:
         arrays = {field: np.column_stack([values.get((field, name), nothing) for name in joints])
                   for field in FIELDS if any(found == field for found, _ in values)}
         stamps = np.round(NANOSECONDS_PER_SECOND * table.times).astype(np.int64)
-        return RecordedJointStates(f'table {str(self.path)!r}', stamps, tuple(
-            RecordedState(row, joints, stamp, {name: each[row] for name, each in arrays.items()})
+        return RecordedJointStates(f'table {str(self.path)!r}', tuple(
+            RecordedState(stamp, joints, stamp, {name: each[row] for name, each in arrays.items()})
             for row, stamp in enumerate(stamps.tolist())), 0)
 
 

@@ -39,9 +39,7 @@ _RELIABLE, _NEWEST = QoSProfile(depth=100), QoSProfile(depth=1)
 class MotionWatch:
     """What a node publishes of its reference and of the arm, while `following` is entered."""
 
-    def __init__(
-        self, client: DynamicsClient, names: Sequence[str], kinds: Sequence[str],
-    ) -> None:
+    def __init__(self, client: DynamicsClient, names: Sequence[str], kinds: Sequence[str]) -> None:
         """Watch the joints `names` of the node, of these kinds."""
         self.client, self.names = client, list(names)
         self._turns = np.array([kind == 'continuous' for kind in kinds])

@@ -96,8 +96,7 @@ def _follow(
     names, position, seconds = watch.names, watch.measured(), 1e-9 * (end_ns - start_ns)
     error, units = watch.error(goal, position), Units.of(names, kinds)
     away = [name for name, one in zip(names, np.abs(error)) if one > FAR]
-    data |= {'time': seconds, 'at_rest': is_at_rest, 'position': position,
-             'error': error.tolist()}
+    data |= {'time': seconds, 'at_rest': is_at_rest, 'position': position, 'error': error.tolist()}
     text = (f'{client.name}: {"at rest" if is_at_rest else "still moving"} after {seconds:.2f} s'
             + (f', {", ".join(away)} not at the goal' if away else ''))
     return Answer(

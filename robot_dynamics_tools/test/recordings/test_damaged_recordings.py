@@ -201,7 +201,7 @@ def test_a_database_with_a_journal_is_read_with_what_that_holds(copied):
     killed = shutil.copytree(path, path.with_name('killed'))  # a copy taken during writing
     connection.close()
     with Recording(killed) as recording:
-        assert len(recording.joint_states('/joint_states').times_ns) == WHOLE + 100
+        assert len(recording.joint_states('/joint_states').states) == WHOLE + 100
         assert any('journal' in note for note in recording.notes)
 
 
