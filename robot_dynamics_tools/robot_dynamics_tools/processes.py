@@ -141,8 +141,7 @@ class NodeProcess:
 
 def _written(file: Path, parameters: Mapping[str, object]) -> Path:
     # JSON is YAML in which no name or number can be read as another type.
-    write_file(
-        file, json.dumps({'/**': {'ros__parameters': dict(parameters)}}, indent=2) + '\n')
+    write_file(file, json.dumps({'/**': {'ros__parameters': dict(parameters)}}, indent=2) + '\n')
     return file
 
 

@@ -57,28 +57,15 @@ class TopicCount:
     """
     Counters of a topic.
 
-    Numbers of received, recorded and lost messages, and the newest stamp [ns], or -1.
+    Numbers of received, recorded and lost messages, the newest stamp [ns], or -1, and the last
+    sequence number of the only publisher.
     """
 
     received: int = 0
     recorded: int = 0
     lost: int = 0
     stamp_ns: int = -1
-
-
-class _Source:
-    """One subscription, and the last sequence number of its publisher."""
-
-    def __init__(self, node: Node, spec: TopicSpec) -> None:
-        self.spec = spec
-        self.sequence: int | None = None
-        qos = QoSProfile(
-            depth=RECEIVE_DEPTH,
-            reliability=(ReliabilityPolicy.RELIABLE if spec.qos.reliable
-                         else ReliabilityPolicy.BEST_EFFORT),
-            durability=(DurabilityPolicy.TRANSIENT_LOCAL if spec.qos.transient_local
-                        else DurabilityPolicy.VOLATILE))
-        self.inbox = message_inbox(node, spec.message_type, spec.name, qos)
+    sequence: int | None = None
 
 
 class Recorder:
@@ -98,46 +85,55 @@ class Recorder:
         self._writer, self._time_ns = writer, time_ns
         self.span_ns: tuple[float, float] = (-math.inf, math.inf)
         """First and last stamp [ns] of the stamped messages to record; others are discarded."""
-        self._sources = {spec.name: _Source(node, spec) for spec in topics}
+        self._inboxes = {spec.name: (spec.stamped, _inbox(node, spec)) for spec in topics}
         self.counts = {spec.name: TopicCount() for spec in topics}
         for spec in topics:
             writer.add_topic(spec.name, spec.type_name, spec.qos)
 
-    def drain(self) -> int:
-        """Record all waiting messages, without an interrupt in between; return their number."""
+    def drain(self) -> None:
+        """Record all waiting messages, without an interrupt in between."""
         with uninterrupted():
-            return sum(map(self._drain, self._sources.values()))
+            for name, (stamped, inbox) in self._inboxes.items():
+                self._drain(name, stamped, inbox)
 
     def wait(self, topic: str, seconds: float) -> None:
         """Wait at most so long until a message of this topic can be drained."""
-        self._sources[topic].inbox.wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
+        self._inboxes[topic][1].wait(max(0, round(seconds * NANOSECONDS_PER_SECOND)))
 
     def close(self) -> None:
         """Record the waiting messages, and end the subscriptions."""
         self.drain()
-        for source in self._sources.values():
-            source.inbox.close()
-        self._sources.clear()
+        for _, inbox in self._inboxes.values():
+            inbox.close()
+        self._inboxes.clear()
 
-    def _drain(self, source: _Source) -> int:
-        count, name = self.counts[source.spec.name], source.spec.name
-        before = count.received
-        while (taken := source.inbox.take()) is not None:
+    def _drain(self, name: str, stamped: bool, inbox: Any) -> None:
+        count, (first, last) = self.counts[name], self.span_ns
+        while (taken := inbox.take()) is not None:
             data, info = taken
-            stamp = _first_stamp_ns(data) if source.spec.stamped else 0
+            stamp = _first_stamp_ns(data) if stamped else 0
             count.received += 1
-            lost = _lost_before(source, info)
-            if source.spec.stamped:  # the first stamp of a simulation is 0
-                if self.span_ns[0] <= count.stamp_ns <= self.span_ns[1] < stamp:
+            lost = _lost_before(count, info)
+            if stamped:  # the first stamp of a simulation is 0
+                if first <= count.stamp_ns <= last < stamp:
                     count.lost += lost  # at the end of the span
                 count.stamp_ns = stamp
-                if not self.span_ns[0] <= stamp <= self.span_ns[1]:
+                if not first <= stamp <= last:
                     continue
             count.recorded += 1
             count.lost += lost
             self._writer.write(name, stamp or self._time_ns() if self._time_ns else int(
                 info['received_timestamp']), data)
-        return count.received - before
+
+
+def _inbox(node: Node, spec: TopicSpec) -> Any:
+    """Return the inbox of a subscription with the QoS of the publisher."""
+    return message_inbox(node, spec.message_type, spec.name, QoSProfile(
+        depth=RECEIVE_DEPTH,
+        reliability=(ReliabilityPolicy.RELIABLE if spec.qos.reliable
+                     else ReliabilityPolicy.BEST_EFFORT),
+        durability=(DurabilityPolicy.TRANSIENT_LOCAL if spec.qos.transient_local
+                    else DurabilityPolicy.VOLATILE)))
 
 
 def write_description(writer: RecordingWriter, topic: str, urdf: str, time_ns: int) -> None:
@@ -152,10 +148,10 @@ def _first_stamp_ns(data: bytes) -> int:
     return int(stamp.sec) * NANOSECONDS_PER_SECOND + int(stamp.nanosec)
 
 
-def _lost_before(source: _Source, info: Any) -> int:
+def _lost_before(count: TopicCount, info: Any) -> int:
     """Return the number of lost messages of the only publisher before this message."""
     sequence = info['publication_sequence_number']
     if sequence is None:  # sequence numbers are optional in a middleware
         return 0
-    last, source.sequence = source.sequence, sequence
+    last, count.sequence = count.sequence, sequence
     return 0 if last is None or sequence <= last else sequence - last - 1

@@ -14,11 +14,7 @@ from robot_dynamics.joints.effort_convention import MOTOR_SIDE
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics_tools.analysis import units
-from robot_dynamics_tools.analysis.position_drives import (
-    commands,
-    drive_effort,
-    STIFFNESS,
-)
+from robot_dynamics_tools.analysis.position_drives import commands, drive_effort, STIFFNESS
 from robot_dynamics_tools.recordings.bag_files import is_table
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.reader import Recording
@@ -125,8 +121,7 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
             sent, _ = units.in_radians(
                 commands(recording, settings.command_topic, joints, names), arm, settings.unit,
                 is_table(path))
-            series, delay = drive_effort(
-                series, sent, arm, settings.parameters.get(STIFFNESS, ()))
+            series, delay = drive_effort(series, sent, arm, settings.parameters.get(STIFFNESS, ()))
             factor = '' if settings.seeks_stiffness else f'{STIFFNESS} times '
             remarks.append(f'effort: {factor}the distance to the command on '
                            f'{settings.command_topic}, which acts after {1e3 * delay:.0f} ms')

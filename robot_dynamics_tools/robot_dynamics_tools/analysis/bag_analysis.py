@@ -76,18 +76,16 @@ def residual_statistics(
 
 def merged_statistics(parts: Sequence[ResidualStatistics]) -> ResidualStatistics:
     """Return the combined statistics of several parts of the same joints."""
-    counts = np.array([part.sample_count for part in parts], dtype=np.float64)
-    weights = counts / counts.sum()
+    counts = [part.sample_count for part in parts]
 
-    def mean(field: str) -> FloatArray:
-        return np.asarray(weights @ np.array([getattr(part, field) for part in parts]))
-
-    def root(field: str) -> FloatArray:
-        return np.asarray(np.sqrt(weights @ np.array([getattr(part, field)**2 for part in parts])))
+    def mean(field: str, power: int = 1) -> FloatArray:
+        values = [getattr(part, field)**power for part in parts]
+        return np.asarray(np.average(values, axis=0, weights=counts))
 
     return ResidualStatistics(
-        parts[0].joint_names, int(counts.sum()), root('rms_measured'), mean('mean_measured'),
-        root('rms'), mean('mean'), np.max([part.largest for part in parts], axis=0))
+        parts[0].joint_names, sum(counts), np.sqrt(mean('rms_measured', 2)),
+        mean('mean_measured'), np.sqrt(mean('rms', 2)), mean('mean'),
+        np.max([part.largest for part in parts], axis=0))
 
 
 def _rms(values: FloatArray) -> FloatArray:
@@ -213,9 +211,7 @@ def _limit_use(arm: ArmModel, motion: FilteredMotion, effort: FloatArray) -> Lim
     limits = arm.limits
 
     def ratio(values: FloatArray, limit: FloatArray) -> FloatArray:
-        is_limit = np.isfinite(limit) & (limit > 0.0)
-        largest = np.abs(values).max(axis=0)
-        return np.where(is_limit, largest / np.where(is_limit, limit, 1.0), np.nan)
+        return _ratio(np.abs(values).max(axis=0), np.where(np.isfinite(limit), limit, 0.0))
 
     distance = np.minimum(
         motion.position.min(axis=0) - limits.lower, limits.upper - motion.position.max(axis=0))

@@ -10,38 +10,34 @@ and outdated results are computed again. Failed recordings are listed; the other
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import as_completed, Future, ProcessPoolExecutor
+from concurrent.futures import as_completed, Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, fields, is_dataclass
 from functools import lru_cache, partial
 import hashlib
 import json
 import multiprocessing
 import os
 from pathlib import Path
+import pickle
 import signal
 import threading
-from typing import Any, Generic, get_type_hints, TypeVar
+from typing import Any, Generic, TypeVar
 
+import numpy as np
 import robot_dynamics
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.tools.command_line import ToolError
-from robot_dynamics_tools.analysis import result_store
+from robot_dynamics.tools.command_line import make_directory, ToolError, write_file
 from robot_dynamics_tools.recordings.bag_files import METADATA, storage_groups
 
 Settings = TypeVar('Settings')
 """Settings on which results depend: dataclasses, arrays, and types of JSON."""
 Outcome = TypeVar('Outcome')
-"""The result of a task, as `result_store` stores it."""
+"""The result of a task, which `pickle` stores."""
 Task = Callable[[Path, Settings], Outcome]
-"""
-A function at module level, so that another process can import it.
-
-A stored result is converted to the dataclass that the annotation of the return value names;
-without an annotation, it remains a dictionary of names and values.
-"""
+"""A function at module level, so that another process can import it."""
 
 _ONE_THREAD = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS')
 
@@ -78,12 +74,13 @@ def run_tasks(
     scheduler cannot be reached.
     """
     one = partial(_execute, function, cache=cache, is_valid=is_valid, code=_code_digest())
-    jobs = list(zip(bags, each or [settings] * len(bags)))
+    jobs = dict(enumerate(zip(bags, each or [settings] * len(bags))))
     processes = min(workers or os.cpu_count() or 1, len(bags))
     if dask is not None:
-        done = _on_dask(one, jobs, dask)
+        done = _by_executor(one, {
+            i: (bag.resolve(), own) for i, (bag, own) in jobs.items()}, _dask_cluster(dask))
     elif processes <= 1:
-        done = ((i, one(job)) for i, job in enumerate(jobs))
+        done = ((i, one(job)) for i, job in jobs.items())
     else:
         done = _in_processes(one, jobs, processes)
     outcomes: dict[int, TaskOutcome[Outcome]] = {}
@@ -108,15 +105,12 @@ def _execute(
     try:
         if cache is None:
             return TaskOutcome(bag, function(bag, settings))
-        key = task_key(function, bag, settings, code)
-        plain = result_store.load_result(cache, key)
-        if plain is not None:
-            kept = result_store.from_plain(
-                get_type_hints(_plain_function(function)).get('return'), plain)
-            if is_valid is None or is_valid(bag, kept):
-                return TaskOutcome(bag, kept, resumed=True)
+        file = cache / f'{task_key(function, bag, settings, code)}.pickle'
+        kept = load_result(file)
+        if kept is not None and (is_valid is None or is_valid(bag, kept)):
+            return TaskOutcome(bag, kept, resumed=True)
         result = function(bag, settings)
-        result_store.save_result(cache, key, result)
+        save_result(file, result)
         return TaskOutcome(bag, result)
     except ToolError:  # the outputs cannot be written
         raise
@@ -126,8 +120,18 @@ def _execute(
         return TaskOutcome(bag, error=f'{type(error).__name__}: {error}')
 
 
-def _plain_function(function: Task[Any, object]) -> Any:
-    return function.func if isinstance(function, partial) else function
+def save_result(file: Path, result: object) -> None:
+    """Store a result, so that an existing file is always complete; raise ToolError."""
+    make_directory(file.parent)
+    write_file(file, pickle.dumps(result))
+
+
+def load_result(file: Path) -> Any | None:
+    """Return a stored result, None if there is no complete one."""
+    try:
+        return pickle.loads(file.read_bytes())
+    except Exception:  # a damaged file may raise any
+        return None
 
 
 def task_key(
@@ -135,16 +139,25 @@ def task_key(
 ) -> str:
     """Return the key of a result, a digest of everything that it depends on; raise OSError."""
     digest = hashlib.blake2b(digest_size=20)
+    function = getattr(function, 'func', function)  # of a partial
     # The path as well, because the outputs contain it.
-    name = _plain_function(function)
-    about = (name.__module__, name.__qualname__, str(bag.resolve()), code, settings)
-    digest.update(json.dumps(about, sort_keys=True, default=result_store.plain_value).encode())
+    about = (function.__module__, function.__qualname__, str(bag.resolve()), code, settings)
+    digest.update(json.dumps(about, sort_keys=True, default=_plain_value).encode())
     for file in _files_of(bag):
         digest.update(f'\0{file.name}\0{file.stat().st_size}\0'.encode())
         with file.open('rb') as opened:
             while part := opened.read(1 << 20):
                 digest.update(part)
     return digest.hexdigest()
+
+
+def _plain_value(value: object) -> Any:
+    """Return a dataclass, without fields that it does not compare, or an array for JSON."""
+    if is_dataclass(value):
+        return {field.name: getattr(value, field.name) for field in fields(value) if field.compare}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    raise TypeError(f'{type(value).__name__} is no setting, expected a dataclass or an array')
 
 
 def _files_of(bag: Path) -> list[Path]:
@@ -165,41 +178,55 @@ def _code_digest() -> str:
     return digest.hexdigest()
 
 
-# ---------------------------------------------------------------------- processes
+# ---------------------------------------------------------------------- executors
+
+def _by_executor(
+    one: Callable[[Job], TaskOutcome[Any]], jobs: Mapping[int, Job],
+    workers: AbstractContextManager[Executor],
+) -> Iterator[Numbered]:
+    with workers as executor:
+        futures = {executor.submit(one, job): i for i, job in jobs.items()}
+        for future in as_completed(futures):
+            i, failure = futures[future], future.exception()
+            if isinstance(failure, (BrokenProcessPool, ToolError)):
+                raise failure
+            yield i, future.result() if failure is None else TaskOutcome(
+                jobs[i][0], error=f'{type(failure).__name__}: {failure}')
+
 
 def _in_processes(
-    one: Callable[[Job], TaskOutcome[Any]], jobs: Sequence[Job], workers: int,
+    one: Callable[[Job], TaskOutcome[Any]], jobs: dict[int, Job], workers: int,
 ) -> Iterator[Numbered]:
-    left = dict(enumerate(jobs))
     try:
-        for i, outcome in _in_pool(one, left, workers):
-            del left[i]
+        for i, outcome in _by_executor(one, dict(jobs), _process_pool(workers)):
+            del jobs[i]
             yield i, outcome
     except BrokenProcessPool:
         # A process died, and the pool lost all running tasks. Each of them runs again in a
         # separate process, which shows the recording that ended the process.
-        for i, job in left.items():
+        for i, job in jobs.items():
             try:
-                yield from _in_pool(one, {i: job}, 1)
+                yield from _by_executor(one, {i: job}, _process_pool(1))
             except BrokenProcessPool:
                 yield i, TaskOutcome(job[0], error='its process died, by a signal or for lack of '
                                                 'memory')
 
 
-def _in_pool(
-    one: Callable[[Job], TaskOutcome[Any]], jobs: Mapping[int, Job], workers: int,
-) -> Iterator[Numbered]:
-    with _one_thread_each():
-        # Not forked, because the threads of the numerical libraries would not survive a fork.
-        pool = ProcessPoolExecutor(
-            workers, multiprocessing.get_context('spawn'), initializer=_begin_process)
-        try:
-            futures: dict[Future[TaskOutcome[Any]], int] = {
-                pool.submit(one, job): i for i, job in jobs.items()}
-            for future in as_completed(futures):
-                yield futures[future], future.result()
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+@contextmanager
+def _process_pool(workers: int) -> Iterator[Executor]:
+    """Yield processes of one thread each, as there is one per core."""
+    kept = {name: os.environ[name] for name in _ONE_THREAD if name in os.environ}
+    os.environ.update(dict.fromkeys(_ONE_THREAD, '1'))
+    # Not forked, because the threads of the numerical libraries would not survive a fork.
+    pool = ProcessPoolExecutor(
+        workers, multiprocessing.get_context('spawn'), initializer=_begin_process)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+        for name in _ONE_THREAD:
+            del os.environ[name]
+        os.environ.update(kept)
 
 
 def _begin_process() -> None:
@@ -216,36 +243,12 @@ def _begin_process() -> None:
 
 
 @contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Limit processes that start in the block to one thread, as there is one process per core."""
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(dict.fromkeys(_ONE_THREAD, '1'))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-# ---------------------------------------------------------------------- Dask
-
-def _on_dask(
-    one: Callable[[Job], TaskOutcome[Any]], jobs: Sequence[Job], scheduler: str,
-) -> Iterator[Numbered]:
+def _dask_cluster(scheduler: str) -> Iterator[Executor]:
+    """Yield the workers of a Dask scheduler; raise RobotDynamicsError if it does not answer."""
     distributed = optional('distributed', 'a Dask cluster')
     try:
         client = distributed.Client(scheduler, timeout='10s')
     except (OSError, ValueError, TimeoutError) as error:
         raise RobotDynamicsError(f'no Dask scheduler answers at {scheduler!r}: {error}') from None
     with client:
-        futures = {
-            client.submit(one, (bag.resolve(), settings), pure=False): i
-            for i, (bag, settings) in enumerate(jobs)}
-        for future in distributed.as_completed(futures):
-            i = futures[future]
-            failure = future.exception()
-            yield i, future.result() if failure is None else TaskOutcome(
-                jobs[i][0], error=f'{type(failure).__name__}: {failure}')
+        yield client.get_executor(pure=False)

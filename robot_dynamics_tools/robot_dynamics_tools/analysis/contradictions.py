@@ -15,10 +15,11 @@ they cannot explain a wrong sign. A residual that no cause reduces, and a gravit
 that of the URDF, suggest another arm.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
@@ -27,6 +28,11 @@ from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.regressor import COUNT, inertial_parameters, TorqueRegressor
+from robot_dynamics_tools.analysis.gravity_ratio import (
+    far_from_urdf,
+    gravity_cause,
+    gravity_ratios,
+)
 from robot_dynamics_tools.analysis.motion_filter import (
     filter_like,
     FilteredMotion,
@@ -43,22 +49,10 @@ In pauses, friction that no term describes gives gains of up to 0.2 for a delay 
 """
 UNEXPLAINED = 0.15
 """Median residual of the joints, relative to the effort, that suggests another arm."""
-FAR = 2.0
-"""
-Ratio of the gravity torque at a joint to that of the URDF that suggests another arm.
-
-ln 2 is two standard deviations of a URDF whose masses are wrong by a third, all in one sense.
-"""
-TWICE = 1.6, 2.5
-"""Size of gravity, by that of the URDF, that suggests that it is added twice."""
-_LEAST_SHARE = 0.2
 LEAST_NOISE = 0.005
 """Residual, relative to the effort, below which nothing is explained."""
 DELAYS = 0.01 * np.arange(-5, 31)
 """Candidate delays [s] of the effort."""
-LEAST_TILT = np.radians(3.0)
-LEAST_GRAVITY = 0.5
-"""Size of gravity, by that of the URDF, below which the effort lacks it; a tilt keeps it."""
 UNITS = (10.0, 100.0, 1000.0)
 LEAST_OF_UNIT = 3.0
 """Candidate ratios of the recorded effort to N·m, at most this times that to the URDF's effort."""
@@ -78,6 +72,7 @@ _POSES = 150
 _LOAD = 4  # mass and first moments
 _ROTOR, _SLIDING = 0, 2  # own columns of a joint: rotor, offset, then friction
 _MOST_CAUSES = 8
+_MOTION = ('position', 'velocity', 'acceleration')
 
 
 @dataclass(frozen=True)
@@ -133,8 +128,7 @@ def find_contradictions(
         # after a large cause, a small one may be an error of the large one
         trials = [(test.cost(accepted | each), max(least_gain, each.least_gain), each)
                   for each in test.hypotheses(accepted)]
-        needed = [test.freedom * gain * each.share(len(test.measured))
-                  for _, gain, each in trials]
+        needed = [test.freedom * gain * each.share(len(test.measured)) for _, gain, each in trials]
         best = int(np.argmin([least + more for (least, *_), more in zip(trials, needed)]))
         least, gain, each = trials[best]
         if cost - least < needed[best]:
@@ -142,14 +136,14 @@ def find_contradictions(
         accepted, cost, least_gain = accepted | each, least, gain
     if test.freedom and test.is_slow and np.median(test.fit(accepted).residual) > UNEXPLAINED:
         return 0.0, (_swapped_joints(arm, motion, cost - test.freedom * LEAST_GAIN),)
-    for _ in range(_RELINEARIZATIONS if test.gravity in accepted.columns else 0):
+    for _ in range(_RELINEARIZATIONS if test.gravity[0] in accepted.columns else 0):
         # the error of a mass has to act along the gravity that was found
         found = np.asarray(test.arm.pinocchio_model.gravity.linear) + test.gravity_change(accepted)
         test = _Test(arm.with_gravity(found), motion)
     far = _far_gravity(test, accepted, has_load)
     if far:  # bodies of another arm, whose inertia and gravity differ by other factors
         accepted = replace(accepted, columns=tuple(
-            column for column in accepted.columns if column >= test.gravity + 3))
+            column for column in accepted.columns if column not in test.gravity))
     return test.refined_delay(accepted), (*test.causes(accepted, given), *far)
 
 
@@ -159,12 +153,21 @@ def _swapped_joints(arm: ArmModel, motion: FilteredMotion, cost: float) -> str:
     for i, j in combinations(range(len(names)), 2):
         order = np.arange(len(names))
         order[[i, j]] = j, i
-        found = _Test(arm, replace(motion, **{name: getattr(motion, name)[:, order] for name in (
-            'position', 'velocity', 'acceleration', 'effort')})).fit(_Hypothesis()).cost
+        found = _cost_of_changed(
+            arm, motion, ('effort', *_MOTION), partial(np.take, indices=order, axis=1))
         if found < cost:
             cost, best = found, f'{names[i]} and {names[j]} are swapped in the recording'
     return best or ('the URDF does not explain the effort: another arm, another URDF, or joints '
                     'in another order')
+
+
+def _cost_of_changed(
+    arm: ArmModel, motion: FilteredMotion, names: tuple[str, ...],
+    change: Callable[[FloatArray], Any],
+) -> float:
+    """Return the cost of the fit to a motion with a change of the arrays with these names."""
+    return _Test(arm, replace(motion, **{
+        name: change(getattr(motion, name)) for name in names})).fit(_Hypothesis()).cost
 
 
 def _far_gravity(test: '_Test', accepted: _Hypothesis, has_load: bool) -> tuple[str, ...]:
@@ -177,42 +180,13 @@ def _far_gravity(test: '_Test', accepted: _Hypothesis, has_load: bool) -> tuple[
     return far_from_urdf(test.arm.joint_names, gravity_ratios(test.arm, phi, test.positions))
 
 
-def gravity_ratios(arm: ArmModel, phi: FloatArray, q: FloatArray) -> FloatArray:
-    """
-    Return the RMS (n,) of the gravity torque of bodies φ (p,) by that of the arm, at q (m, n).
-
-    It is 1 at joints with less than a fifth of the largest torque. `arm` has no payload.
-    """
-    rest = np.zeros_like(q)
-    Y = TorqueRegressor(arm)(q, rest, rest)
-    found, described = (np.sqrt(np.mean((Y @ each)**2, axis=0))
-                        for each in (phi, inertial_parameters(arm)))
-    bears = np.maximum(found, described)
-    counts = (bears > _LEAST_SHARE * bears.max()) & (np.minimum(found, described) > 0.0)
-    return np.asarray(np.divide(found, described, out=np.ones_like(found), where=counts))
-
-
-def far_from_urdf(names: Sequence[str], ratios: FloatArray) -> tuple[str, ...]:
-    """Return a sentence if a gravity ratio of the named joints is far from 1."""
-    worst = int(np.argmax(np.abs(np.log(ratios))))
-    if 1.0 / FAR <= ratios[worst] <= FAR:
-        return ()
-    low, high = TWICE
-    is_twice = all(low <= ratio <= high for ratio in ratios.tolist() if ratio != 1.0)
-    return (f'the gravity torque at {names[worst]} is {ratios[worst]:.2g} times that of the URDF: '
-            'another arm, another URDF, or a load that is not given'
-            + (', or gravity is added twice' if is_twice else ', or the effort is a current '
-               '(`identify --effort current`)' if ratios[worst] < 1.0 else ''),)
-
-
 def _check_degrees(arm: ArmModel, motion: FilteredMotion, cost: float) -> None:
     """Raise RecordingError if the fit with positions as degrees has less than this cost."""
     turns = np.array([kind != 'prismatic' for kind in arm.joint_kinds])
     if not (np.ptp(motion.position, axis=0)[turns] > LARGEST_TRAVEL).any():
         return
     unit = np.where(turns, np.radians(1.0), 1.0)
-    if _Test(arm, replace(motion, **{name: unit * getattr(motion, name) for name in (
-            'position', 'velocity', 'acceleration')})).fit(_Hypothesis()).cost < cost:
+    if _cost_of_changed(arm, motion, _MOTION, lambda x: unit * x) < cost:
         raise RecordingError(
             'positions and velocities in degrees: as degrees, they explain the effort. '
             'Expected radians')
@@ -265,8 +239,11 @@ class _Test:
         self.positions = q[::max(1, len(q) // _POSES)]
         self._products = np.einsum('mja,mjb->jab', Z, Z, optimize=True) / len(rows)
         self._own, self._p = own.shape[2], Y.shape[2]
-        self.gravity, self._others = self._p, Z.shape[2] - self._own - n
-        self.effort = self._others - len(DELAYS)
+        last = self._p + 3 + n
+        self.gravity, self.encoders = range(self._p, self._p + 3), range(self._p + 3, last)
+        self.loads = [range(last + k, last + k + _LOAD) for k in range(0, len(loads), _LOAD)]
+        self._effort = last + len(loads)
+        self._others = self._effort + len(DELAYS)
         prior = body_prior(inertial_parameters(arm))
         weights = np.full(self._p, _REGULARIZATION)
         weights[-COUNT:] = _ANY_LOAD
@@ -282,9 +259,7 @@ class _Test:
 
     def hypotheses(self, accepted: _Hypothesis) -> Iterator[_Hypothesis]:
         """Yield the hypotheses to add to an accepted one."""
-        first, last = self.gravity + 3, self.gravity + 3 + self.arm.joint_count
-        groups = [range(self.gravity, first), *(range(k, k + 1) for k in range(first, last)),
-                  *(range(k, k + _LOAD) for k in range(last, self.effort, _LOAD))]
+        groups = [self.gravity, *([k] for k in self.encoders), *self.loads]
         yield from (_Hypothesis(tuple(columns)) for columns in groups
                     if columns[0] not in accepted.columns)
         if not accepted.delay:
@@ -315,7 +290,7 @@ class _Test:
 
     def _efforts(self, hypothesis: _Hypothesis) -> tuple[IntArray, FloatArray]:
         """Return the column of the effort of each measured joint, and its gain."""
-        column = self.effort + int(np.argmin(np.abs(DELAYS - hypothesis.delay)))
+        column = self._effort + int(np.argmin(np.abs(DELAYS - hypothesis.delay)))
         pairs = list(zip(hypothesis.swapped[::2], hypothesis.swapped[1::2]))
         partners = {**dict(pairs), **{j: i for i, j in pairs}}
         return (
@@ -353,8 +328,7 @@ class _Test:
                 variance[i] = max(squares / powers[i], LEAST_NOISE**2)
                 joint = -values[:, columns] @ x
                 drives = joint[_SLIDING:] @ self._products[j, _SLIDING:own, _SLIDING] < 0.0
-                used[i] = (used[i][0] and bool(joint[_ROTOR] >= 0.0),
-                           used[i][1] and not drives)
+                used[i] = (used[i][0] and bool(joint[_ROTOR] >= 0.0), used[i][1] and not drives)
             if used == were_used and (np.abs(np.log(variance / before)) < 0.02).all():
                 break
         error = x[:p] - self.prior
@@ -366,8 +340,7 @@ class _Test:
     def cost(self, hypothesis: _Hypothesis) -> float:
         """Return the cost of `fit`, ∞ if an offset of an encoder is implausibly large."""
         cost, _, values, _ = self.fit(hypothesis)
-        first = self.gravity + 3
-        is_offset = [first <= k < first + self.arm.joint_count for k in hypothesis.columns]
+        is_offset = [k in self.encoders for k in hypothesis.columns]
         return np.inf if (np.abs(values[is_offset]) > LARGEST_OFFSET).any() else cost
 
     def refined_delay(self, accepted: _Hypothesis) -> float:
@@ -383,11 +356,11 @@ class _Test:
     def gravity_change(self, accepted: _Hypothesis) -> FloatArray:
         """Return what an accepted vector of gravity has more than that of `arm` (3,)."""
         found = dict(zip(accepted.columns, self.fit(accepted).values.tolist()))
-        return np.array([found[self.gravity + axis] for axis in range(3)])
+        return np.array([found[k] for k in self.gravity])
 
     def causes(self, accepted: _Hypothesis, given: FloatArray) -> Iterator[str]:
         """Yield a sentence per accepted cause; `given` is the gravity of the URDF (3,)."""
-        names, first = self.arm.joint_names, self.gravity
+        names = self.arm.joint_names
         found = dict(zip(accepted.columns, self.fit(accepted).values.tolist()))
         if accepted.unit != 1.0:
             yield ('the effort is far larger than that of the URDF: effort in mA or in another '
@@ -398,35 +371,16 @@ class _Test:
             yield f'the effort has the opposite sign at {listed}'
         for i, j in zip(accepted.swapped[::2], accepted.swapped[1::2]):
             yield f'the efforts of {names[i]} and {names[j]} are swapped'
-        if first in found:
-            yield _of_gravity(given, np.asarray(self.arm.pinocchio_model.gravity.linear)
-                              + self.gravity_change(accepted))
-        for j, name in enumerate(names):
-            if first + 3 + j in found:
-                value, unit = found[first + 3 + j], 'm'
-                if self.arm.joint_kinds[j] != 'prismatic':
-                    value, unit = float(np.degrees(value)), '°'
+        if self.gravity[0] in found:
+            yield gravity_cause(given, np.asarray(self.arm.pinocchio_model.gravity.linear)
+                                + self.gravity_change(accepted))
+        for k, name, kind in zip(self.encoders, names, self.arm.joint_kinds):
+            if k in found:
+                value, unit = (found[k], 'm') if kind == 'prismatic' else (
+                    float(np.degrees(found[k])), '°')
                 yield (f'the position of {name} is {value:+.2g} {unit} too large: offset of the '
                        'encoder, masses of the URDF, or a tilted base')
-        for k, time in enumerate(self.times.tolist()):
-            place = first + 3 + len(names) + _LOAD * k
-            if place in found:
-                yield (f'the load at the last link changes by {found[place]:+.2g} kg '
+        for (mass, *_), time in zip(self.loads, self.times.tolist()):
+            if mass in found:
+                yield (f'the load at the last link changes by {found[mass]:+.2g} kg '
                        f'after about {time:.3g} s')
-
-
-def _of_gravity(g: FloatArray, found: FloatArray) -> str:
-    """Return the cause if gravity `found` (3,) fits better than that of the model, g (3,)."""
-    size = float(np.linalg.norm(found) / np.linalg.norm(g))
-    if size < LEAST_GRAVITY:
-        return ('the effort lacks gravity (`measured_effort: joint_torque_without_gravity`), or '
-                'the robot compensates it')
-    angle = float(np.arccos(np.clip(found @ g / np.linalg.norm(g)**2 / size, -1.0, 1.0)))
-    if angle < LEAST_TILT:
-        is_twice = TWICE[0] <= size <= TWICE[1]
-        return (f'the effort of gravity is {size:.2g} times that of the URDF: '
-                f'{"gravity is added twice, " if is_twice else ""}another arm, another URDF, a '
-                'load, or another unit of the effort')
-    listed = ', '.join(f'{x:.3g}' for x in found / size)
-    return (f'the base is tilted by {np.degrees(angle):.0f}°: gravity is about ({listed}) m/s² '
-            'in its frame (parameter `gravity`)')

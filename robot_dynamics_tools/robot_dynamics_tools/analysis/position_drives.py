@@ -23,7 +23,8 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics_tools.analysis.motion_filter import filter_motion_below
 from robot_dynamics_tools.recordings.joint_series import JointSeries
-from robot_dynamics_tools.recordings.reader import Recording, stamp_ns
+from robot_dynamics_tools.recordings.messages import stamp_ns
+from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.recordings.tables import TableRecording
 from robot_dynamics_tools.recordings.topics import JOINT_STATE
 

@@ -18,8 +18,6 @@ from robot_dynamics_tools.recordings.topics import DYNAMICS_TERMS, JOINT_STATE
 from robot_dynamics_tools.recordings.writer import RecordingWriter, remove_recording
 
 TERMS_TOPIC, RESIDUAL_TOPIC = '/dynamics/terms', '/dynamics_monitor/residual'
-_ROWS = 1000
-"""Number of lines that are formatted at a time."""
 Column = FloatArray | IntArray | BoolArray
 
 
@@ -58,13 +56,10 @@ def motion_columns(
 
 def write_csv(columns: Mapping[str, Column], path: Path) -> None:
     """Write one line per sample, after the names of the columns (m,) each; raise OSError."""
-    line = ','.join(
-        '%.10g' if column.dtype.kind == 'f' else '%d' for column in columns.values()) + '\n'
     with path.open('w', encoding='utf-8', newline='') as file:
         csv.writer(file, lineterminator='\n').writerow(columns)
-        for at in range(0, max(map(len, columns.values())), _ROWS):
-            file.writelines(line % row for row in zip(*(
-                column[at:at + _ROWS].tolist() for column in columns.values())))
+        np.savetxt(file, np.rec.fromarrays(list(columns.values())), [
+            '%.10g' if column.dtype.kind == 'f' else '%d' for column in columns.values()], ',')
 
 
 def write_parquet(columns: Mapping[str, Column], path: Path) -> None:

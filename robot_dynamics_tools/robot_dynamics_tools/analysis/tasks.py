@@ -4,7 +4,7 @@
 """
 The analysis of one recording as a task, which writes files and returns figures.
 
-The result contains only arrays and plain values. It can be stored (`result_store`), sent from
+The result contains only arrays and plain values. It can be stored (`batch`), sent from
 another process, and combined with the results of other recordings.
 """
 

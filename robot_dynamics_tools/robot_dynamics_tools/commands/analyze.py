@@ -15,7 +15,6 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from robot_dynamics.dependencies import require
@@ -69,7 +68,14 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
             arguments.output, [place / name for place in places for name in task.outputs],
             arguments)
         each = [replace(task, directory=str(place)) for place in places]
-    outcomes = _run_with_progress(bags, task, arguments, kept, each)
+    single = len(bags) == 1 and arguments.dask is None  # progress over its steps
+    steps = len(STEPS) + len(task.outputs) if single else len(bags)
+    with Progress(steps, 'steps' if single else 'recordings') as progress:
+        advance = progress.advance
+        outcomes = run_tasks(
+            partial(tasks.analyze_task, on_step=advance) if single else tasks.analyze_task, bags,
+            task, arguments.jobs, kept, arguments.dask, None if single else advance,
+            tasks.outputs_exist, each)
     results = [outcome.result for outcome in outcomes if outcome.result is not None]
     if len(bags) == 1 and results:
         print_one(results[0], outcomes[0].resumed)
@@ -82,21 +88,6 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     if not failed:
         return command_line.DONE
     return command_line.FAILED if results else command_line.MISTAKE
-
-
-def _run_with_progress(
-    bags: Sequence[Path], task: tasks.AnalysisTask, arguments: argparse.Namespace,
-    kept: Path | None, each: Sequence[tasks.AnalysisTask] | None,
-) -> list[TaskOutcome[tasks.AnalysisResult]]:
-    """Analyse all recordings with a progress bar, over the steps if there is only one."""
-    single = len(bags) == 1 and arguments.dask is None
-    steps = len(STEPS) + len(task.outputs) if single else len(bags)
-    with Progress(steps, 'steps' if single else 'recordings') as progress:
-        advance = progress.advance
-        return run_tasks(
-            partial(tasks.analyze_task, on_step=advance) if single else tasks.analyze_task, bags,
-            task, arguments.jobs, kept, arguments.dask, None if single else advance,
-            tasks.outputs_exist, each)
 
 
 def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:

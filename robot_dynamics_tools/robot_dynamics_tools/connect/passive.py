@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import time
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.worst_gravity import QUICK, worst_gravity
 from robot_dynamics_tools.connect.checks import BAD, Checklist, Settings, UNKNOWN
@@ -37,25 +36,19 @@ def watch_poses(
 ) -> list[Hold]:
     """Return the holds while the operator moves the arm, until it has held `count` poses."""
     print(INSTRUCTION.format(poses=counted(count, 'pose'), seconds=seconds), flush=True)
-    least, end = per_joint(DISTINCT, arm.joint_kinds), time.monotonic() + seconds
-    holds, poses = list[Hold](), list[Hold]()
+    end = time.monotonic() + seconds
+    holds, reached = list[Hold](), 0
     with Progress(count, 'poses') as progress:
-        while len(poses) < count and time.monotonic() < end:
+        while reached < count and time.monotonic() < end:
             client.wait(lambda: False, LOOK_PERIOD)
-            holds, poses = find_holds(log.series(arm), arm.joint_kinds), []
-            for hold in holds:
-                if all((np.abs(hold.position - one.position) > least).any() for one in poses):
-                    poses.append(hold)
-            progress.update(len(poses))
+            holds = find_holds(log.series(arm), arm.joint_kinds)
+            reached = len(_by_pose(arm, holds))
+            progress.update(reached)
     return holds
 
 
-def _poses(arm: ArmModel, holds: Sequence[Hold]) -> tuple[FloatArray, FloatArray]:
-    """
-    Return positions and efforts (P, n) of the poses of holds, each the mean of its holds.
-
-    Dry friction has the sign of the last motion, so that holds of one pose may have one error.
-    """
+def _by_pose(arm: ArmModel, holds: Sequence[Hold]) -> list[list[Hold]]:
+    """Return the holds of each pose."""
     least, groups = per_joint(DISTINCT, arm.joint_kinds), list[list[Hold]]()
     for hold in holds:
         near = [group for group in groups
@@ -64,9 +57,7 @@ def _poses(arm: ArmModel, holds: Sequence[Hold]) -> tuple[FloatArray, FloatArray
             near[0].append(hold)
         else:
             groups.append([hold])
-    q, effort = (np.array([np.mean([getattr(hold, name) for hold in group], axis=0)
-                           for group in groups]) for name in ('position', 'effort'))
-    return q, effort
+    return groups
 
 
 def check_report(
@@ -75,9 +66,11 @@ def check_report(
     """
     Check the efforts at the holds against g(q); return the settings that they show.
 
-    The report scale and offset of `arm` apply to the efforts.
+    The report scale and offset of `arm` apply to the efforts. The holds of a pose count as one.
     """
-    q, effort = _poses(arm, holds)
+    # dry friction has the sign of the last motion: holds of one pose may have one error
+    q, effort = (np.array([np.mean([getattr(hold, name) for hold in group], axis=0)
+                           for group in _by_pose(arm, holds)]) for name in ('position', 'effort'))
     names, where = arm.joint_names, counted(len(q), 'pose')
     if not holds:
         checks.add('report', UNKNOWN, 'no pose was held', 'effort is g(q)', 'hold each for 2 s')

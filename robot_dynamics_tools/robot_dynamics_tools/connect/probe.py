@@ -40,7 +40,7 @@ from robot_dynamics_tools.processes import DYNAMICS, NodeProcess, STOP_TIMEOUT
 from robot_dynamics_tools.recordings.interrupts import uninterrupted
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
-from robot_dynamics_tools.ros2_dynamics.move import goal_publication, MotionWatch
+from robot_dynamics_tools.ros2_dynamics.motion_watch import goal_publication, MotionWatch
 from robot_dynamics_tools.ros2_dynamics.orders import values_per_joint
 from sensor_msgs.msg import JointState
 

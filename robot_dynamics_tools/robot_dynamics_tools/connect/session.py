@@ -147,8 +147,7 @@ class Session:
                    'end all but one of them')
         urdf, source = self._description
         if urdf is None:
-            urdf, source = description.published_description(
-                client, log.topic.rpartition('/')[0])
+            urdf, source = description.published_description(client, log.topic.rpartition('/')[0])
         self._receiver = robot.find_receiver(
             client, arguments.receiver, log.topic, not arguments.passive, checks)
         commands = self._others()
@@ -220,7 +219,7 @@ class Session:
         others = self._others()
         motion = states.moving(series, arm)
         is_doubtful = any(one.name == 'units' and one.grade is UNKNOWN for one in checks)
-        silent = 1e-9 * (time.time_ns() - self._log.times_ns[-1])
+        silent = 1e-9 * (time.time_ns() - self._log.states[-1].recorded_ns)
         for name, is_bad, value, expected in (
                 ('joint states', silent > REST, f'none for {silent:.1f} s', 'a running driver'),
                 ('other commands', others, f'of {", ".join(others)}', 'no other node commands'),

@@ -12,13 +12,12 @@ from robot_dynamics.control.safety.faults import STATE_TIMEOUT
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.monitoring.state_plausibility import SAME_CLOCK
-from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics_tools.analysis.arm_recording import plausible
 from robot_dynamics_tools.analysis.units import check_degrees, contradicts_position
 from robot_dynamics_tools.connect.checks import BAD, Checklist, GOOD, UNKNOWN
 from robot_dynamics_tools.gravity_calibration.holds import BLOCK, per_joint, REST_SPEED
 from robot_dynamics_tools.recordings.joint_series import JointSeries, RecordedJointStates
-from robot_dynamics_tools.recordings.messages import FIELDS, RecordedState
+from robot_dynamics_tools.recordings.messages import FIELDS, recorded_state, RecordedState
 from robot_dynamics_tools.ros2_dynamics.client import NoAnswerError
 from sensor_msgs.msg import JointState
 
@@ -35,20 +34,14 @@ class StateLog:
 
     def __init__(self, topic: str) -> None:
         self.topic = topic
-        self.times_ns: list[int] = []
         self.states: list[RecordedState] = []
 
     def take(self, message: JointState) -> None:
-        values = {name: np.array(getattr(message, name)) for name in FIELDS
-                  if len(getattr(message, name)) == len(message.name) > 0}
-        self.states.append(RecordedState(
-            len(self.states), tuple(message.name), stamp_from_ros(message.header.stamp), values))
-        self.times_ns.append(time.time_ns())
+        self.states.append(recorded_state(time.time_ns(), message))
 
     @property
     def recorded(self) -> RecordedJointStates:
-        return RecordedJointStates(
-            self.topic, np.array(self.times_ns, dtype=np.int64), tuple(self.states), 0)
+        return RecordedJointStates(self.topic, tuple(self.states), 0)
 
     def series(self, arm: ArmModel) -> JointSeries:
         """Return the samples of an arm; raise RecordingError."""
@@ -74,7 +67,7 @@ def check_states(log: StateLog, arm: ArmModel, checks: Checklist) -> tuple[float
                '99 % of the gaps below 17 ms, none above half of state_timeout', (
                    f'state_timeout is {timeout:g} s; a low rate makes the feedback soft, a rare '
                    'gap is due to load of driver, network or this computer'))
-    ages = 1e-9 * np.subtract(log.times_ns, [one.stamp_ns for one in log.states])
+    ages = 1e-9 * np.array([one.recorded_ns - one.stamp_ns for one in log.states])
     is_missing = series.faults.arrival_times
     is_simulated = bool(np.median(np.abs(ages)) > SAME_CLOCK)
     checks.add(

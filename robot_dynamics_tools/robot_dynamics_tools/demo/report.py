@@ -17,7 +17,8 @@ from robot_dynamics.tools.command_line import write_file
 from robot_dynamics_tools.demo.loop import LoopRun
 from robot_dynamics_tools.demo.session import Session
 from robot_dynamics_tools.excitation.demo_motion import sample_trajectory
-from robot_dynamics_tools.recordings.reader import Recording, stack, stamp_ns
+from robot_dynamics_tools.recordings.messages import stamp_ns
+from robot_dynamics_tools.recordings.reader import Recording, stack
 from robot_dynamics_tools.reporting.figures import effort_panel, Panel
 from robot_dynamics_tools.reporting.interactive import add_time_figures
 from robot_dynamics_tools.reporting.text_table import column_rows, quantity_table, Rows

@@ -154,8 +154,7 @@ def _pattern(n: int, duration: float) -> FloatArray:
     swings = max(1, min(len(_SWINGS), round(duration / _SECONDS_PER_SWING) - 1))
     pattern = np.zeros((swings + 2, n))
     for j in range(n):
-        sign = -1.0 if j % 2 else 1.0
-        pattern[1:-1, j] = sign * np.roll(_SWINGS, -j)[:swings]
+        pattern[1:-1, j] = (-1.0)**j * np.roll(_SWINGS, -j)[:swings]
     return pattern
 
 

@@ -93,10 +93,7 @@ class ConditionNumber:
         rows = self._rows(Reference(*random_states(arm, 40 * arm.joint_count)))
         names = [str(i) for i in range(rows.shape[1])]
         self._columns = np.array(find_base_parameters(rows, names).columns)
-
-    @property
-    def parameter_count(self) -> int:
-        return len(self._columns)
+        self.parameter_count = len(self._columns)
 
     def __call__(self, motion: Reference) -> float:
         """Return the condition number of the base regressor with columns of unit length."""

@@ -36,7 +36,7 @@ from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm, u
 from robot_dynamics_tools.recordings.writer import prepare_recording, RecordingWriter
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, RefusedError
-from robot_dynamics_tools.ros2_dynamics.move import goal_publication
+from robot_dynamics_tools.ros2_dynamics.motion_watch import goal_publication
 from robot_dynamics_tools.ros2_dynamics.record import topic_specs
 from std_srvs.srv import Trigger
 

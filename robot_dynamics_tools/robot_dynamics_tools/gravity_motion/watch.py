@@ -15,7 +15,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics_tools.gravity_motion.plan import Move
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
-from robot_dynamics_tools.ros2_dynamics.move import MotionWatch
+from robot_dynamics_tools.ros2_dynamics.motion_watch import MotionWatch
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 import signal
 import threading
-from typing import Any
 
 _ENDING = (signal.SIGINT, signal.SIGTERM)
 
@@ -25,20 +24,17 @@ def uninterrupted() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    arrived: list[tuple[int, Any]] = []
+    arrived: list[int] = []
     before = {
-        number: signal.signal(number, lambda *call: arrived.append(call)) for number in _ENDING}
+        number: signal.signal(number, lambda signum, _: arrived.append(signum))
+        for number in _ENDING}
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-        for signum, frame in arrived[:1]:
-            handler = before[signal.Signals(signum)]
-            if callable(handler):
-                handler(signum, frame)
-            else:  # what the operating system does
-                signal.raise_signal(signum)
+        for signum in arrived[:1]:
+            signal.raise_signal(signum)
 
 
 @contextmanager

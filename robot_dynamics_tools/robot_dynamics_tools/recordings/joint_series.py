@@ -3,8 +3,9 @@
 
 """A series of joint states: samples with increasing stamps, and the faults of the others."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray, NANOSECONDS_PER_SECOND
@@ -89,21 +90,17 @@ class JointSeries:
 
     def at(self, rows: IntArray) -> 'JointSeries':
         """Return the samples at these rows."""
-        return self._chosen(rows, np.arange(len(self.joint_names)))
+        return replace(self, stamps_ns=self.stamps_ns[rows], **self._each(lambda x: x[rows]))
 
     def of_joints(self, joint_names: Sequence[str]) -> 'JointSeries':
         """Return the samples of these joints, in this order."""
-        columns = np.array([self.joint_names.index(name) for name in joint_names], dtype=np.intp)
-        return self._chosen(np.arange(len(self.stamps_ns)), columns)
+        columns = [self.joint_names.index(name) for name in joint_names]
+        return replace(self, joint_names=tuple(joint_names), **self._each(lambda x: x[:, columns]))
 
-    def _chosen(self, rows: IntArray, columns: IntArray) -> 'JointSeries':
-        def chosen(values: FloatArray | None) -> FloatArray | None:
-            return None if values is None else np.asarray(values[np.ix_(rows, columns)])
-
-        return replace(
-            self, joint_names=tuple(self.joint_names[i] for i in columns),
-            stamps_ns=self.stamps_ns[rows], position=chosen(self.position),
-            velocity=chosen(self.velocity), effort=chosen(self.effort))
+    def _each(self, chosen: Callable[[FloatArray], FloatArray]) -> dict[str, Any]:
+        """Return what `chosen` returns of each recorded field."""
+        return {name: chosen(values) for name in FIELDS
+                if (values := getattr(self, name)) is not None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,12 +108,11 @@ class RecordedJointStates:
     """
     All messages of a topic, before joints are chosen.
 
-    `times_ns` (m,) are the times at which the messages were recorded, of which `unreadable` could
-    not be read; `source` names topic and recording in errors.
+    `unreadable` is the number of further messages, which could not be read; `source` names topic
+    and recording in errors.
     """
 
     source: str
-    times_ns: IntArray
     states: tuple[RecordedState, ...]
     unreadable: int
 
@@ -141,30 +137,22 @@ class RecordedJointStates:
             state._replace(joint_names=tuple(names.get(name, name) for name in state.joint_names))
             for state in self.states))
 
-    def joined(self, joint_names: Sequence[str]) -> 'RecordedJointStates':
+    def _joined(self, joint_names: tuple[str, ...]) -> JointSeries:
         """
         Return the messages with most of these joints, with all of them, those of others between.
 
         A value is interpolated from the messages before and after, at most two periods apart.
         """
-        together = self.together(joint_names)
-        base = [state for state in self.states if set(together) <= set(state.joint_names)]
-        stamps = np.array([self._time(state) for state in base])
-        columns = {field: np.stack([
+        together = set(self.together(joint_names))
+        stamps = np.array([
+            state.time_ns for state in self.states if together <= set(state.joint_names)])
+        return self._kept(joint_names, stamps, {field: np.stack([
             self._between(stamps, name, field) for name in joint_names], axis=1)
-            for field in FIELDS}
-        return replace(self, states=tuple(
-            RecordedState(state.row, tuple(joint_names), int(stamps[i]), {
-                field: values[i] for field, values in columns.items()})
-            for i, state in enumerate(base)))
-
-    def _time(self, state: RecordedState) -> int:
-        """Return the stamp of a message, or the time of its recording if it has none [ns]."""
-        return state.stamp_ns or int(self.times_ns[state.row])
+            for field in FIELDS}, False)
 
     def _between(self, stamps_ns: IntArray, name: str, field: str) -> FloatArray:
         """Return a field of a joint at these stamps (m,), NaN where its messages are apart."""
-        own = [(self._time(state), state.values[field][state.joint_names.index(name)])
+        own = [(state.time_ns, state.values[field][state.joint_names.index(name)])
                for state in self.states if name in state.joint_names and field in state.values]
         if len(own) < 2:
             return np.full(len(stamps_ns), np.nan)
@@ -179,12 +167,12 @@ class RecordedJointStates:
         Return the samples of these joints, in this order; empty means those of the first message.
 
         Times are the header stamps, or the recording times if all stamps are zero. Joints that
-        come in several messages are `joined`. Raises RecordingError if no message has a joint, or
-        a complete sample.
+        come in several messages are interpolated. Raises RecordingError if no message has a joint,
+        or a complete sample.
         """
         names = tuple(joint_names or next(iter(self.layouts), ()))
         if set(names) <= set(self.joint_names) and len(self.together(names)) < len(names):
-            return self.joined(names).series(names)
+            return self._joined(names)
         places = {layout: np.array([layout.index(name) for name in names])
                   for layout in self.layouts if names and set(names) <= set(layout)}
         states = [state for state in self.states if state.joint_names in places]
@@ -196,7 +184,7 @@ class RecordedJointStates:
         stamps = np.array([state.stamp_ns for state in states], dtype=np.int64)
         arrival_times = not stamps.any()
         if arrival_times:
-            stamps = self.times_ns[[state.row for state in states]]
+            stamps = np.array([state.recorded_ns for state in states], dtype=np.int64)
         nothing = np.full(len(names), np.nan)
         columns = {field: np.array([
             state.values[field][places[state.joint_names]] if field in state.values else nothing
@@ -221,25 +209,17 @@ class RecordedJointStates:
         advancing, repeated = sample_faults.advancing_and_repeated(stamps[whole])
         keep = places[advancing]
         kept = stamps[keep]
-        count = len(self.times_ns)
-        periods = np.diff(kept)
-        period = int(np.median(periods)) if len(periods) else 0
+        count = len(self.states) + self.unreadable
         faults = sample_faults.SampleFaults(
-            period_ns=period, gaps=sample_faults.gaps_between(kept, periods, period),
-            duplicated_ns=stamps[places[repeated]],
-            backward_ns=stamps[places[~advancing & ~repeated]],
-            other_joints=count - len(stamps) - self.unreadable,
-            incomplete=int((~whole).sum()),
-            unreadable=self.unreadable, arrival_times=arrival_times,
-            never_finite=tuple(
+            sample_faults.fault_lines(
+                kept, stamps[places[repeated]], stamps[places[~advancing & ~repeated]], {
+                    'without the wanted joints': len(self.states) - len(stamps),
+                    'with a number missing or not finite': int((~whole).sum()),
+                    'that cannot be decoded': self.unreadable}),
+            tuple(
                 f'{field_name} of {name}' for field_name, values in columns.items()
                 if np.isfinite(values).any() for name, column in zip(names, values.T)
-                if not np.isfinite(column).any()),
-            start_ns=int(kept[0]))
+                if not np.isfinite(column).any()), arrival_times)
 
-        def chosen(name: str) -> FloatArray | None:
-            return columns[name][keep] if name in fields else None
-
-        return JointSeries(
-            names, kept, chosen('position'), chosen('velocity'), chosen('effort'),
-            count - len(kept), faults)
+        position, velocity, effort = (columns[f][keep] if f in fields else None for f in FIELDS)
+        return JointSeries(names, kept, position, velocity, effort, count - len(kept), faults)

@@ -4,7 +4,8 @@
 """Messages of recordings, decoded and written by the library `rosbags`, as plain CDR."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from contextlib import suppress
+from typing import Any, NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray, NANOSECONDS_PER_SECOND
@@ -16,37 +17,49 @@ FIELDS = ('position', 'velocity', 'effort')
 
 class RecordedState(NamedTuple):
     """
-    One message with n joints: its index among all messages, and its header stamp.
+    One message with n joints: the time at which it was recorded, and its header stamp [ns].
 
     `values` has an array (n,) by field, for the fields with one value for each joint.
     """
 
-    row: int
+    recorded_ns: int
     joint_names: tuple[str, ...]
     stamp_ns: int
     values: dict[str, FloatArray]
 
+    @property
+    def time_ns(self) -> int:
+        """The stamp, or the time of the recording without one [ns]."""
+        return self.stamp_ns or self.recorded_ns
 
-def decode_joint_states(messages: Sequence[bytes]) -> tuple[tuple[RecordedState, ...], int]:
+
+def decode_joint_states(
+    messages: Sequence[tuple[int, bytes]],
+) -> tuple[tuple[RecordedState, ...], int]:
     """
-    Return the serialized messages of sensor_msgs/msg/JointState, and how many cannot be read.
+    Return the messages of sensor_msgs/msg/JointState, and how many of them cannot be read.
 
-    Raises MissingDependencyError without `rosbags`.
+    `messages` are times [ns] and bytes. Raises MissingDependencyError without `rosbags`.
     """
     decode = common_types().deserialize_cdr
     serde_error = optional('rosbags.serde', 'a recording').SerdeError
     states = []
-    for row, data in enumerate(messages):
-        try:
-            message = decode(data, JOINT_STATE)
-        except serde_error:
-            continue
-        names, stamp = tuple(message.name), message.header.stamp
-        values = {field: getattr(message, field) for field in FIELDS}
-        states.append(RecordedState(
-            row, names, stamp.sec * NANOSECONDS_PER_SECOND + stamp.nanosec,
-            {field: v for field, v in values.items() if len(names) == len(v) > 0}))
+    for time_ns, data in messages:
+        with suppress(serde_error):
+            states.append(recorded_state(time_ns, decode(data, JOINT_STATE)))
     return tuple(states), len(messages) - len(states)
+
+
+def recorded_state(time_ns: int, message: Any) -> RecordedState:
+    """Return a sensor_msgs/msg/JointState of `rosbags` or rclpy that was recorded at `time_ns`."""
+    values = {field: np.asarray(getattr(message, field)) for field in FIELDS}
+    return RecordedState(time_ns, tuple(message.name), stamp_ns(message.header), {
+        field: each for field, each in values.items() if len(message.name) == len(each) > 0})
+
+
+def stamp_ns(header: Any) -> int:
+    """Return the nanoseconds of a header's stamp."""
+    return int(header.stamp.sec) * NANOSECONDS_PER_SECOND + int(header.stamp.nanosec)
 
 
 def joint_state_messages(

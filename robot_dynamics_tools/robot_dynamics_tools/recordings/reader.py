@@ -16,12 +16,12 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray, IntArray, NANOSECONDS_PER_SECOND
+from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics_tools.recordings.bag_files import METADATA, recording_files
 from robot_dynamics_tools.recordings.joint_series import JointSeries, RecordedJointStates
-from robot_dynamics_tools.recordings.messages import decode_joint_states
+from robot_dynamics_tools.recordings.messages import decode_joint_states, stamp_ns
 from robot_dynamics_tools.recordings.storage import StoredFile
 from robot_dynamics_tools.recordings.topics import (
     check_type,
@@ -62,10 +62,6 @@ class Recording(AbstractContextManager['Recording']):
                 raise self._unreadable('no topics')
             self._stack = stack.pop_all()
         self.notes += [note for stored in self._files for note in stored.notes]
-
-    def __repr__(self) -> str:
-        messages = sum(topic.message_count for topic in self.topics)
-        return (f'<Recording {str(self.path)!r}, {len(self.topics)} topics, {messages} messages>')
 
     def _unreadable(self, reason: str) -> RecordingError:
         return RecordingError(f'recording {str(self.path)!r} cannot be read: {reason}')
@@ -166,9 +162,7 @@ class Recording(AbstractContextManager['Recording']):
         if not messages:
             raise RecordingError(f'recording {str(self.path)!r} has no message of {topic}')
         return RecordedJointStates(
-            f'topic {topic!r} of recording {str(self.path)!r}',
-            np.array([time_ns for time_ns, _ in messages], dtype=np.int64),
-            *decode_joint_states([data for _, data in messages]))
+            f'topic {topic!r} of recording {str(self.path)!r}', *decode_joint_states(messages))
 
     def joint_series(self, topic: str, joint_names: Sequence[str] = ()) -> JointSeries:
         """
@@ -185,11 +179,6 @@ class Recording(AbstractContextManager['Recording']):
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def stamp_ns(header: Any) -> int:
-    """Return the nanoseconds of a header's stamp."""
-    return int(header.stamp.sec) * NANOSECONDS_PER_SECOND + int(header.stamp.nanosec)
 
 
 def stack(messages: Iterable[tuple[int, Any]], fields: Sequence[str]) -> (

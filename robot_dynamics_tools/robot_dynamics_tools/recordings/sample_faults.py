@@ -10,9 +10,8 @@ stamps of the others increase.
 """
 
 from bisect import bisect_left
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, IntArray, NANOSECONDS_PER_SECOND
@@ -23,74 +22,54 @@ SHOWN_TIMES = 3
 """Number of times that a report lists; further times are only counted."""
 
 
-class Gap(NamedTuple):
-    """A time span without samples [ns], and the approximate number of missing samples."""
-
-    start_ns: int
-    end_ns: int
-    missing: int
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class SampleFaults:
     """
-    The faults of the messages of a series.
+    The faults of the messages of a series, as lines of text.
 
-    `gaps` are the intervals beyond GAP median periods, `duplicated_ns` the repeated stamps, and
-    `backward_ns` the stamps out of order, behind or ahead of their neighbours. `other_joints`,
-    `incomplete` and `unreadable` count messages without the wanted joints, without a finite
-    number in a field that others have, and with bytes that are no joint state.
     `never_finite` lists fields that only some joints have, such as 'effort of joint2'. With
     `arrival_times` no message had a stamp: the times are those at which they were recorded.
     """
 
-    period_ns: int = 0
-    gaps: tuple[Gap, ...] = ()
-    duplicated_ns: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    backward_ns: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    other_joints: int = 0
-    incomplete: int = 0
-    unreadable: int = 0
+    lines: tuple[str, ...] = ()
     never_finite: tuple[str, ...] = ()
     arrival_times: bool = False
-    start_ns: int = 0
-
-    @property
-    def dropped(self) -> int:
-        """Approximate number of missing samples, computed with the median period."""
-        return sum(gap.missing for gap in self.gaps)
 
     def words(self) -> list[str]:
         """Return one line for each kind of fault that occurred, with times since the start."""
-        lines = []
-        if self.arrival_times:
-            lines.append('no stamps: the times are those at which messages were recorded')
-        if self.gaps:
-            longest = max(self.gaps, key=lambda gap: gap.end_ns - gap.start_ns)
-            lines.append(
-                f'dropped: about {self.dropped} samples, in '
-                f'{counted(len(self.gaps), "gap")} beyond {GAP:g} median periods of '
-                f'{1e-6 * self.period_ns:.3g} ms, the longest '
-                f'{1e-6 * (longest.end_ns - longest.start_ns):.3g} ms; '
-                + self._at([gap.start_ns for gap in self.gaps]))
-        for what, stamps in (
-                ('duplicated', self.duplicated_ns), ('out of order', self.backward_ns)):
-            if len(stamps):
-                lines.append(f'{what}: {counted(len(stamps), "sample")} left out; '
-                             + self._at(stamps.tolist()))
-        for what, count in (
-                ('without the wanted joints', self.other_joints),
-                ('with a number missing or not finite', self.incomplete),
-                ('that cannot be decoded', self.unreadable)):
-            if count:
-                lines.append(f'left out: {counted(count, "message")} {what}')
-        return lines + [f'no finite number: {each}' for each in self.never_finite]
+        unstamped = ['no stamps: the times are those at which messages were recorded']
+        return [*(unstamped if self.arrival_times else []), *self.lines,
+                *(f'no finite number: {each}' for each in self.never_finite)]
 
-    def _at(self, stamps: Sequence[int]) -> str:
-        times = [f'{(stamp - self.start_ns) / NANOSECONDS_PER_SECOND:.3f}'
-                 for stamp in stamps[:SHOWN_TIMES]]
-        more = len(stamps) - len(times)
+
+def fault_lines(
+    stamps: IntArray, duplicated: IntArray, backward: IntArray, left_out: Mapping[str, int],
+) -> tuple[str, ...]:
+    """
+    Return one line for each kind of fault of a series with these increasing stamps (m,) [ns].
+
+    Gaps are intervals beyond GAP median periods. `duplicated` and `backward` are the stamps that
+    are repeated, and out of order; `left_out` counts other messages by their fault.
+    """
+    def at(faulty: IntArray) -> str:
+        times = [f'{t:.3f}' for t in (faulty[:SHOWN_TIMES] - stamps[0]) / NANOSECONDS_PER_SECOND]
+        more = len(faulty) - len(times)
         return f'at {", ".join(times)} s' + (f' and {more} more' if more > 0 else '')
+
+    lines, periods = [], np.diff(stamps)
+    period = int(np.median(periods)) if len(periods) else 0
+    gaps = np.flatnonzero(periods > GAP * period)
+    if len(gaps):
+        missing = np.maximum(1, np.round(periods[gaps] / period) - 1).sum()
+        lines.append(
+            f'dropped: about {missing:.0f} samples, in {counted(len(gaps), "gap")} beyond {GAP:g} '
+            f'median periods of {1e-6 * period:.3g} ms, the longest '
+            f'{1e-6 * periods.max():.3g} ms; {at(stamps[gaps])}')
+    lines += [f'{what}: {counted(len(faulty), "sample")} left out; {at(faulty)}'
+              for what, faulty in (('duplicated', duplicated), ('out of order', backward))
+              if len(faulty)]
+    return (*lines, *(f'left out: {counted(count, "message")} {what}'
+                      for what, count in left_out.items() if count))
 
 
 def counted(count: int, noun: str) -> str:
@@ -132,12 +111,3 @@ def _longest_increasing(values: Sequence[int]) -> list[int]:
     while before[chain[-1]] >= 0:
         chain.append(before[chain[-1]])
     return chain[::-1]
-
-
-def gaps_between(stamps: IntArray, periods: IntArray, period: int) -> tuple[Gap, ...]:
-    """Return the gaps in increasing stamps, given their differences and the median of these."""
-    if period <= 0:
-        return ()
-    return tuple(
-        Gap(int(stamps[i]), int(stamps[i + 1]), max(1, round(int(periods[i]) / period) - 1))
-        for i in np.flatnonzero(periods > GAP * period))

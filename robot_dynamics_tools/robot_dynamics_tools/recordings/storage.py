@@ -21,7 +21,7 @@ from typing import Any
 
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics_tools.recordings.topics import qos_from_rosbags, RecordedTopic
+from robot_dynamics_tools.recordings.topics import RecordedTopic
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 _COPY = 1 << 20
@@ -119,7 +119,7 @@ class StoredFile:
         except Exception as error:  # rosbags checks little of its input: noise raises any error
             raise damaged(stored, error) from error
         self.topics = [
-            RecordedTopic(one.topic, one.msgtype, one.msgcount, qos_from_rosbags(one))
+            RecordedTopic(one.topic, one.msgtype, one.msgcount)
             for one in self._reader.connections]
 
     def messages(self, topic: str) -> list[tuple[int, bytes]]:

@@ -91,8 +91,8 @@ class TableRecording:
         arrays = {field: np.column_stack([values.get((field, name), nothing) for name in joints])
                   for field in FIELDS if any(found == field for found, _ in values)}
         stamps = np.round(NANOSECONDS_PER_SECOND * table.times).astype(np.int64)
-        return RecordedJointStates(f'table {str(self.path)!r}', stamps, tuple(
-            RecordedState(row, joints, stamp, {name: each[row] for name, each in arrays.items()})
+        return RecordedJointStates(f'table {str(self.path)!r}', tuple(
+            RecordedState(stamp, joints, stamp, {name: each[row] for name, each in arrays.items()})
             for row, stamp in enumerate(stamps.tolist())), 0)
 
 
@@ -166,30 +166,22 @@ def read_dataset(path: Path) -> Table:
     try:
         info = json.loads((path / INFO).read_text(encoding='utf-8'))
         features, rate = info['features'], float(info['fps'])
-        files = sorted(path.glob('data/chunk-*/*.parquet'))
-        arrays: dict[str, list[FloatArray]] = {
-            name: [] for words in ARRAYS.values() for name in words if name in features}
-        episodes, frames = [], []
-        for file in files:
-            table = parquet.read_table(file)
-            for name, parts in arrays.items():
-                if name in table.column_names:
-                    parts.append(np.array(table[name].to_pylist(), dtype=np.float64))
-            episodes.append(np.array(table['episode_index'].to_pylist()))
-            frames.append(np.array(table['frame_index'].to_pylist()))
-        episode = np.concatenate(episodes)
+        table = parquet.read_table(path / 'data')
+
+        def column(name: str) -> FloatArray:
+            return np.array(table[name].to_pylist(), dtype=np.float64)
+
+        arrays = {(quantity, name): column(name) for quantity, words in ARRAYS.items()
+                  for name in words if name in features and name in table.column_names}
+        episode, frame = column('episode_index'), column('frame_index')
     except (OSError, KeyError, ValueError, TypeError) as error:
         raise RecordingError(
             f'data set {str(path)!r} cannot be read: {error}, expected {INFO} with fps and '
             'features, and data/chunk-…/….parquet with episode_index and frame_index') from error
-    values: dict[tuple[str, str], FloatArray] = {}
-    for quantity, words in ARRAYS.items():
-        for name in words:
-            if arrays.get(name):
-                columns = np.concatenate(arrays[name]).T
-                values |= {(quantity, joint): column for joint, column in zip(
-                    _joint_names(features[name].get('names'), len(columns)), columns)}
-    times = np.concatenate(frames) / rate
+    values = {(quantity, joint): values for (quantity, name), array in arrays.items()
+              for joint, values in zip(
+                  _joint_names(features[name].get('names'), array.shape[1]), array.T)}
+    times = frame / rate
     first = np.flatnonzero(np.diff(episode, prepend=-1))
     ends = np.cumsum([times[last - 1] + BETWEEN_EPISODES for last in first[1:]])
     starts = np.repeat([0.0, *ends], np.diff([*first, len(times)]))

@@ -1,16 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The topics of a recording, their message types, and the QoS that their publishers offered."""
+"""The topics of a recording, their message types, and the QoS under which they are written."""
 
 import functools
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, NamedTuple
 
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RecordingError
-
-if TYPE_CHECKING:
-    from rosbags.interfaces import Connection
 
 ROBOT_DESCRIPTION = '/robot_description'
 JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -43,7 +40,6 @@ class RecordedTopic(NamedTuple):
     name: str
     message_type: str
     message_count: int
-    qos: TopicQos
 
 
 @functools.cache
@@ -82,13 +78,3 @@ def qos_to_rosbags(qos: TopicQos) -> Any:
         deadline=forever, lifespan=forever,
         liveliness=interfaces.QosLiveliness.AUTOMATIC, liveliness_lease_duration=forever,
         avoid_ros_namespace_conventions=False)
-
-
-def qos_from_rosbags(connection: 'Connection') -> TopicQos:
-    """Return the QoS that the publisher of a rosbags connection offered, as far as it is known."""
-    profiles = getattr(connection.ext, 'offered_qos_profiles', [])
-    if not profiles:
-        return TopicQos()
-    return TopicQos(
-        profiles[0].depth, profiles[0].reliability.name != 'BEST_EFFORT',
-        profiles[0].durability.name == 'TRANSIENT_LOCAL')

@@ -19,6 +19,7 @@ TERMS = ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort')
 MOTORS = {
     'motor_current': 'current [A]', 'motor_voltage': 'voltage [V]',
     'current_ratio': 'of its limit', 'voltage_ratio': 'of its limit'}
+VECTORS = {'gravity': 'g(q)', 'nonlinear': 'C v + g', 'friction': 'friction'}
 DERIVATIVES = {f'effort_{by}_derivative': by for by in ('position', 'velocity', 'acceleration')}
 
 
@@ -66,38 +67,31 @@ class Units(NamedTuple):
 
 def answer_inverse(client: DynamicsClient, arguments: Namespace) -> Answer:
     """Return the efforts of a motion."""
-    names, motion = _motion(client, arguments, ('position', 'velocity', 'acceleration'))
+    names, motion, units = state = _state(
+        client, arguments, ('position', 'velocity', 'acceleration'))
     response = client.call(InverseDynamics, 'inverse_dynamics', InverseDynamics.Request(
         joint_names=names, include_derivatives=arguments.derivatives, **motion))
     terms = {name: list(getattr(response.terms, name)) for name in TERMS}
     motors = {field: list(getattr(response, field)) for field in MOTORS}
-    units = Units.of(names, {} if arguments.json else client.joint_kinds())
-    energies = _energies(response.terms)
-    blocks = [
-        _motion_table(units, names, motion),
-        f'Effort by term [{units.effort}]\n{units.table(names, terms)}']
+    blocks = [f'Effort by term [{units.effort}]\n{units.table(names, terms)}']
     deviation = list(response.effort_deviation)
     if deviation:
         heading = f'deviation [{units.effort}]'
         blocks.append('Standard deviation of a measured effort, by model and noise\n'
                       + units.table(names, {heading: deviation}))
     derivatives = {}
-    if arguments.derivatives:
-        for field, by in DERIVATIVES.items():
-            D = np.reshape(getattr(response, field), (len(names), -1))
-            derivatives[field] = D.tolist()
-            blocks.append(f'Derivative of the efforts by {by}\n{matrix_table("", names, D)}')
+    for field, by in DERIVATIVES.items() if arguments.derivatives else ():
+        D = np.reshape(getattr(response, field), (len(names), -1))
+        derivatives[field] = D.tolist()
+        blocks.append(f'Derivative of the efforts by {by}\n{matrix_table("", names, D)}')
     if motors['motor_current']:
         blocks.append('Motors\n' + text_table(
-            ['joint', *MOTORS.values()],
-            [[name, *row] for name, *row in zip(names, *motors.values())]))
-    blocks.append(_in_words(energies))
-    blocks += warning_lines(response.warnings)
+            ['joint', *MOTORS.values()], list(zip(names, *motors.values()))))
     optional = {'effort_deviation': deviation, **derivatives, **motors}
-    return Answer({
-        'node': client.name, 'joint_names': names, **motion, 'effort': list(response.effort),
-        'terms': terms, **energies, **{key: value for key, value in optional.items() if value},
-        'warnings': list(response.warnings)}, '\n\n'.join(blocks))
+    return _answer(client, state, blocks, {
+        'effort': list(response.effort), 'terms': terms,
+        **{key: value for key, value in optional.items() if value}},
+        response.terms, response.warnings)
 
 
 def warning_lines(warnings: Iterable[str]) -> list[str]:
@@ -107,40 +101,32 @@ def warning_lines(warnings: Iterable[str]) -> list[str]:
 
 def answer_equation(client: DynamicsClient, arguments: Namespace) -> Answer:
     """Return the parts of the manipulator equation."""
-    names, motion = _motion(client, arguments, ('position', 'velocity'))
+    names, motion, units = state = _state(client, arguments, ('position', 'velocity'))
     n = len(names)
     response = client.call(
         ManipulatorEquation, 'manipulator_equation', ManipulatorEquation.Request(
             joint_names=names, include_christoffel=arguments.christoffel, **motion))
     M = np.array(response.mass_matrix).reshape(n, n)
     C = np.array(response.coriolis_matrix).reshape(n, n)
-    vectors = {
-        'gravity': list(response.gravity), 'nonlinear': list(response.nonlinear),
-        'friction': list(response.friction)}
-    units = Units.of(names, {} if arguments.json else client.joint_kinds())
-    energies = _energies(response)
+    vectors = {name: list(getattr(response, name)) for name in VECTORS}
     inertia = {'N·m': 'kg·m²', 'N': 'kg'}.get(units.effort, 'kg·m², kg·m, kg')
     rate = {'N·m': 'N·m·s/rad', 'N': 'N·s/m'}.get(units.effort, 'N·m·s, N·s, N·s/m')
     blocks = [
-        _motion_table(units, names, motion),
         f'Mass matrix M(q) [{inertia}]\n{matrix_table("", names, M)}',
         f'Coriolis matrix C(q, v) [{rate}]\n{matrix_table("", names, C)}',
-        f'Vectors [{units.effort}]\n' + units.table(names, {
-            'g(q)': vectors['gravity'], 'C v + g': vectors['nonlinear'],
-            'friction': vectors['friction']})]
-    data = {
-        'node': client.name, 'joint_names': names, **motion, 'mass_matrix': M.tolist(),
-        'coriolis_matrix': C.tolist(), **vectors, **energies, 'warnings': list(response.warnings)}
+        f'Vectors [{units.effort}]\n' + units.table(
+            names, dict(zip(VECTORS.values(), vectors.values())))]
+    symbols = {}
     if arguments.christoffel:
         c = np.array(response.christoffel).reshape(n, n, n)
-        data['christoffel'] = c.tolist()
+        symbols['christoffel'] = c.tolist()
         rows = [[names[i], names[j], names[k], float(c[i, j, k])]
                 for i, j, k in np.argwhere(np.abs(c) > 1e-12)]
         blocks.append('Christoffel symbols c_ijk that are not 0\n' + text_table(
             ['i', 'j', 'k', 'c_ijk'], rows))
-    blocks.append(_in_words(energies))
-    blocks += warning_lines(response.warnings)
-    return Answer(data, '\n\n'.join(blocks))
+    return _answer(client, state, blocks, {
+        'mass_matrix': M.tolist(), 'coriolis_matrix': C.tolist(), **vectors, **symbols},
+        response, response.warnings)
 
 
 def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
@@ -167,29 +153,38 @@ def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
         1 if errors_of(checked.findings, ignored) else 0)
 
 
-def _motion(
-    client: DynamicsClient, arguments: Namespace, fields: Sequence[str],
-) -> tuple[list[str], dict[str, list[float]]]:
-    """Return the joints, and the motion of the arguments in the same order."""
+class _State(NamedTuple):
+    """The joints, their motion in the same order, and their units."""
+
+    names: list[str]
+    motion: dict[str, list[float]]
+    units: Units
+
+
+def _state(client: DynamicsClient, arguments: Namespace, fields: Sequence[str]) -> _State:
+    """Return the state in the arguments."""
     names = client.joint_names()
     motion = {'position': joint_values('position', arguments.position, names)}
     for field in fields[1:]:
         texts = getattr(arguments, field)
         motion[field] = joint_values(field, texts, names, 0.0) if texts else [0.0] * len(names)
-    return names, motion
+    return _State(names, motion, Units.of(names, {} if arguments.json else client.joint_kinds()))
 
 
-def _motion_table(units: Units, names: Sequence[str], motion: Mapping[str, list[float]]) -> str:
+def _answer(
+    client: DynamicsClient, state: _State, blocks: Sequence[str], data: Mapping[str, Any],
+    energies: Any, warnings: Sequence[str],
+) -> Answer:
+    """Return the answer of a service at a state, with the energies in a message."""
+    names, motion, units = state
+    kinetic, potential = energies.kinetic_energy, energies.potential_energy
     of_time = {'position': '', 'velocity': '/s', 'acceleration': '/s²'}
-    return 'Motion\n' + units.table(names, {
+    table = units.table(names, {
         f'{field} [{", ".join(unit + of_time[field] for unit in units.position.split(", "))}]':
             values for field, values in motion.items()})
-
-
-def _energies(message: Any) -> dict[str, float]:
-    return {'kinetic_energy': message.kinetic_energy, 'potential_energy': message.potential_energy}
-
-
-def _in_words(energies: Mapping[str, float]) -> str:
-    return (f'Kinetic energy {energies["kinetic_energy"]:.4f} J, potential energy '
-            f'{energies["potential_energy"]:.4f} J')
+    return Answer(
+        {'node': client.name, 'joint_names': names, **motion, **data, 'kinetic_energy': kinetic,
+         'potential_energy': potential, 'warnings': list(warnings)},
+        '\n\n'.join([
+            f'Motion\n{table}', *blocks, f'Kinetic energy {kinetic:.4f} J, potential energy '
+            f'{potential:.4f} J', *warning_lines(warnings)]))

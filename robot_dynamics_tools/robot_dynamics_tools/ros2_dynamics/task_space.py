@@ -15,7 +15,7 @@ from robot_dynamics_tools.reporting.text_table import matrix_table, text_table
 from robot_dynamics_tools.ros2_dynamics.answers import Answer, Units, warning_lines
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 from robot_dynamics_tools.ros2_dynamics.joint_arguments import joint_values
-from robot_dynamics_tools.ros2_dynamics.move import MotionWatch
+from robot_dynamics_tools.ros2_dynamics.motion_watch import MotionWatch
 
 AXES = ('x', 'y', 'z', 'rx', 'ry', 'rz')
 MATRICES = {'jacobian': (6, -1), 'inverse_inertia': (6, 6), 'inertia': (6, 6),

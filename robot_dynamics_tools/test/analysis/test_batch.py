@@ -11,8 +11,7 @@ import pytest
 from robot_dynamics.exceptions import MissingDependencyError, RobotDynamicsError
 from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
-from robot_dynamics_tools.analysis.batch import run_tasks, task_key
-from robot_dynamics_tools.analysis.result_store import load_result, save_result
+from robot_dynamics_tools.analysis.batch import load_result, run_tasks, save_result, task_key
 from robot_dynamics_tools.analysis.tasks import AnalysisTask
 import tasks
 
@@ -145,16 +144,17 @@ def test_the_key_depends_on_all_that_counts(tmp_path):
 
 def test_only_complete_results_are_returned(tmp_path):
     result = {'words': ['a', 'b'], 'nothing': None, 'array': np.eye(2), 'number': np.inf}
-    save_result(tmp_path, 'key', result)
-    loaded = load_result(tmp_path, 'key')
+    file = tmp_path / 'key'
+    save_result(file, result)
+    loaded = load_result(file)
     np.testing.assert_array_equal(loaded.pop('array'), np.eye(2))
     assert loaded == {'words': ['a', 'b'], 'nothing': None, 'number': np.inf}
-    assert load_result(tmp_path, 'other') is None
-    (file,) = tmp_path.iterdir()
+    assert load_result(tmp_path / 'other') is None
+    assert list(tmp_path.iterdir()) == [file]
     whole = file.read_bytes()
     for size in (0, 10, len(whole) // 2, len(whole) - 1):
         file.write_bytes(whole[:size])
-        assert load_result(tmp_path, 'key') is None
+        assert load_result(file) is None
 
 
 def test_a_dask_cluster_gives_the_same(bags, configuration, tmp_path):

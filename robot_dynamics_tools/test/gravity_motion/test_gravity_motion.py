@@ -34,7 +34,7 @@ from robot_dynamics_tools.gravity_motion.watch import ArmWatch
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
-from robot_dynamics_tools.ros2_dynamics.move import goal_publication
+from robot_dynamics_tools.ros2_dynamics.motion_watch import goal_publication
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint

@@ -27,7 +27,7 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robot_dynamics.model_check.html_page import Grade
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_for_arm
-from robot_dynamics_tools.analysis.contradictions import far_from_urdf, gravity_ratios
+from robot_dynamics_tools.analysis.gravity_ratio import far_from_urdf, gravity_ratios
 from robot_dynamics_tools.analysis.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
 from robot_dynamics_tools.identification.identified_arm import fitted_friction, fitted_offset

@@ -97,7 +97,6 @@ def test_topics_and_metadata_are_those_of_rosbag2(recording):
         assert [(t.name, t.message_type, t.message_count) for t in opened.topics] == [
             ('/joint_states', 'sensor_msgs/msg/JointState', 5),
             ('/terms', 'robot_dynamics_interfaces/msg/DynamicsTerms', 5)]
-        assert opened.topic('/terms').qos == TopicQos(depth=7, transient_local=True)
         with pytest.raises(RecordingError, match=r"'/nothing'.*'/joint_states', '/terms'"):
             opened.topic('/nothing')
 
@@ -128,11 +127,11 @@ def test_other_joints_old_stamps_and_bad_numbers_are_passed_over(tmp_path):
     assert series.velocity is None
     assert series.effort is None
     assert series.passed_over == 5
-    assert series.faults.words()[-2:] == [
+    assert series.faults.words() == [
+        'duplicated: 1 sample left out; at 0.000 s',
+        'out of order: 1 sample left out; at -0.000 s',
         'left out: 1 message without the wanted joints',
         'left out: 2 messages with a number missing or not finite']
-    assert series.faults.duplicated_ns.tolist() == [6]
-    assert series.faults.backward_ns.tolist() == [4]
 
 
 def test_without_stamps_the_times_of_the_recording_count(tmp_path):
