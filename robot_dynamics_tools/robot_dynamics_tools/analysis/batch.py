@@ -16,12 +16,14 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from functools import lru_cache, partial
 import hashlib
+import io
 import json
 import multiprocessing
 import os
 from pathlib import Path
 import pickle
 import signal
+import sys
 import threading
 from typing import Any, Generic, TypeVar
 
@@ -39,6 +41,8 @@ Outcome = TypeVar('Outcome')
 Task = Callable[[Path, Settings], Outcome]
 """A function at module level, so that another process can import it."""
 
+_SAFE = ('ndarray', 'dtype', '_reconstruct', '_frombuffer', 'scalar', 'Path', 'PosixPath')
+"""Names of numpy and pathlib in a result."""
 _ONE_THREAD = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS')
 
 
@@ -126,10 +130,21 @@ def save_result(file: Path, result: object) -> None:
     write_file(file, pickle.dumps(result))
 
 
+class _Results(pickle.Unpickler):
+    """Reads records of modules that are loaded, and arrays; anything else is no result."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        known = getattr(sys.modules.get(module), name, None)
+        if is_dataclass(known) or hasattr(known, '_fields') or (
+                module.partition('.')[0] in ('numpy', 'pathlib') and name in _SAFE):
+            return super().find_class(module, name)
+        raise pickle.UnpicklingError(f'{module}.{name} is no part of a result')
+
+
 def load_result(file: Path) -> Any | None:
-    """Return a stored result, None if there is no complete one."""
+    """Return a stored result, None if there is no complete one; no code of the file runs."""
     try:
-        return pickle.loads(file.read_bytes())
+        return _Results(io.BytesIO(file.read_bytes())).load()
     except Exception:  # a damaged file may raise any
         return None
 

@@ -3,7 +3,9 @@
 
 """Many recordings: processes, cached results, failures, and a Dask cluster."""
 
+import os
 from pathlib import Path
+import pickle
 import sys
 
 import numpy as np
@@ -155,6 +157,18 @@ def test_only_complete_results_are_returned(tmp_path):
     for size in (0, 10, len(whole) // 2, len(whole) - 1):
         file.write_bytes(whole[:size])
         assert load_result(file) is None
+
+
+@pytest.mark.parametrize(('call', 'more'), [
+    (os.mkdir, ()), (np.memmap, ('uint8', 'w+', 0, (1,)))])
+def test_no_code_of_a_file_runs(call, more, tmp_path):
+    class Planted:
+        def __reduce__(self):
+            return call, (str(tmp_path / 'made'), *more)
+
+    (tmp_path / 'key').write_bytes(pickle.dumps({'result': Planted()}))
+    assert load_result(tmp_path / 'key') is None
+    assert not (tmp_path / 'made').exists()
 
 
 def test_a_dask_cluster_gives_the_same(bags, configuration, tmp_path):
