@@ -30,6 +30,11 @@ Relative errors of mean velocities with which the first and later samples count,
 
 The last one is in [rad/s] or [m/s]. The velocity of the first state is assumed to be 0.
 """
+UNEVEN, FORGETTING = 0.1, 0.9
+"""
+Error of a velocity by its change, where the acceleration is not constant; and factor per sample of
+the largest error beyond it, which is noise.
+"""
 AT_REST, AT_ONCE = 0.1, 0.04
 """
 [rad/s] or [m/s] up to which an arm is at rest at the first command, and [s] in which it then moves
@@ -62,6 +67,7 @@ class DriveWindow(NamedTuple):
     acceleration: FloatArray
     position: FloatArray
     inertia: FloatArray
+    error: FloatArray
 
     def between(self, begin: float, end: float) -> 'DriveWindow':
         """Return the samples that end between two times [s]."""
@@ -85,7 +91,8 @@ class DriveSamples:
     """Takes the states of n joints; for one thread. No sample spans a gap or a restart."""
 
     def __init__(self, n: int) -> None:
-        self._rows = np.full((COUNT, 9, n), np.nan)
+        self._rows = np.full((COUNT, 10, n), np.nan)
+        self._error = np.zeros(n)
         self._times = np.zeros(COUNT)
         self.count = 0
         """Number of samples since the first command."""
@@ -169,13 +176,15 @@ class DriveSamples:
             self.moved_first = self.moved_first | (np.abs(moved) > SLOW)
             if self.moved_first.any():
                 self.moved_since = min(self.moved_since, time)
-        relative = AGREEMENT[0 if self.count == 0 else 1]
-        if (np.abs(moved - mean) > relative * np.abs(moved) + AGREEMENT[2]).any():
+        relative, error = AGREEMENT[0 if self.count == 0 else 1], np.abs(moved - mean)
+        noise = error - UNEVEN * np.abs(v - first.v)
+        self._error = np.maximum(noise, FORGETTING * self._error)
+        if (error > relative * np.abs(moved) + AGREEMENT[2]).any():
             return False  # the velocities are not those of the positions
         y = (now.momentum - first.momentum) / T + 0.5 * (first.drift + now.drift)
         a = (v - first.v) / T
         self._rows[self.count % COUNT] = (
-            torque, y, *of_report, now.gravity, mean, a, q, now.inertia)
+            torque, y, *of_report, now.gravity, mean, a, q, now.inertia, self._error)
         self.last = torque, y, a
         self._times[self.count % COUNT] = time
         self.count += 1

@@ -11,6 +11,7 @@ written, and not the parameters of a node that happens to run.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
+from itertools import zip_longest
 import json
 import math
 from pathlib import Path
@@ -22,7 +23,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
@@ -38,6 +39,7 @@ from robot_dynamics_tools.gravity_calibration.holds import per_joint
 from robot_dynamics_tools.gravity_calibration.reported_gravity import is_scale, NOISE
 from robot_dynamics_tools.processes import DYNAMICS, NodeProcess, STOP_TIMEOUT
 from robot_dynamics_tools.recordings.interrupts import uninterrupted
+from robot_dynamics_tools.recordings.messages import stamp_ns
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.motion_watch import goal_publication, MotionWatch
@@ -64,6 +66,7 @@ LEAST_SHARE, NEAR = 0.05, 0.15
 REVERSED = -0.5
 """Reported effort by torque of a small motion below which the report is reversed."""
 COULOMB = 'friction.coulomb'
+_ALL = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 RATE_SHARE, LEAST_GAINS = 'share of the gains that the state rate allows', 0.5
 QUESTION = (
     'The arm stands at {pose}, by its joint states.\n'
@@ -113,15 +116,17 @@ class Probes:
         """`topic` is that of the joint states."""
         self._client, self._arm, self._topic, self._checks = client, arm, topic, checks
         self._watch = MotionWatch(client, arm.joint_names, arm.joint_kinds)
-        self._body, self._torque = RigidBody(arm), list[FloatArray]()
+        self._body = RigidBody(arm)
+        self._torque, self._states = dict[int, FloatArray](), dict[int, FloatArray]()
+        """Torque (n,), and position and reported effort (2, n), by the stamp of the state."""
         self._share: FloatArray = np.full(arm.joint_count, np.nan)
         """Of g(q) that holds the joint (n,), NaN if it bears too little to tell."""
         self._reported: FloatArray = np.ones(arm.joint_count)
         """Reported effort by torque in the probes (n,), 1 if the torque is too small to tell."""
         self._friction: FloatArray = np.full(arm.joint_count, np.nan)
         """Dry friction (n,) of the joints that the probes have moved, else NaN."""
-        self._effort: dict[str, float] = {}
-        """The newest reported efforts by name."""
+        self._state: dict[str, tuple[float, float]] = {}
+        """The newest position and effort of each joint."""
         self._values: dict[str, str] = {}
         """Values of the statuses `drive` and `reference`."""
         self._stiffness: dict[str, float] = {}
@@ -141,7 +146,7 @@ class Probes:
         client.wait(is_started, START_TIME)
         client.wait(lambda: client.joint_state_topic() == self._topic)
         with watch.following(), client.subscribed(
-                (JointState, self._topic, self._on_state, qos_profile_sensor_data),
+                (JointState, self._topic, self._on_state, _ALL),
                 (JointState, client.resolve('~/computed_torque'), self._on_torque, 100),
                 (DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)):
             try:
@@ -219,6 +224,7 @@ class Probes:
         watch, limits, name = self._watch, self._arm.limits, self._arm.joint_names[j]
         began, goal = watch.measured()[j], start.copy()
         self._torque.clear()
+        self._states.clear()
         effort = abs(step) * self._stiffness.get(name, np.inf)  # per step
         most = min(REACH, math.ceil(FRICTION * limits.effort[j] / max(effort, 1e-9)))
         for k in range(first, max(first, most) + 1):
@@ -228,25 +234,31 @@ class Probes:
             watch.wait_rest()
             if (watch.measured()[j] - began) * np.sign(step) > 0.5 * abs(step):
                 break
-        if not self._torque:
+        stamps = sorted(self._torque.keys() & self._states.keys())
+        if len(stamps) < 2:
             raise NoAnswerError(f'no message on {NODE}/computed_torque during the motion')
-        along = np.array(self._torque)[..., j]
+        along = np.array([self._of_joint(stamp, j) for stamp in stamps])
         passed, values = np.diff(along[:, 3]), 0.5 * (along[1:, :3] + along[:-1, :3])
         is_moved = abs(passed.sum()) > 0.25 * abs(step)
         mean = passed @ values / passed.sum() if is_moved else values[-10:].mean(axis=0)
         return mean, abs(watch.measured()[j] - start[j])
 
+    def _of_joint(self, stamp: int, j: int) -> tuple[float, ...]:
+        """Return torque, g(q), reported effort and position of joint j at a stamp."""
+        q, effort = self._states[stamp]
+        return (self._torque[stamp][j], self._body.gravity(q)[j],
+                self._arm.given_report.torque(effort)[j], q[j])
+
     def _on_state(self, message: JointState) -> None:
-        self._effort = dict(zip(message.name, message.effort))
+        """Keep the positions and efforts (2, n) of a stamp."""
+        self._state |= zip(message.name, zip_longest(
+            message.position, message.effort, fillvalue=np.nan))
+        if self._state.keys() >= set(self._arm.joint_names):
+            self._states[stamp_ns(message.header)] = np.transpose(
+                [self._state[name] for name in self._arm.joint_names])
 
     def _on_torque(self, message: JointState) -> None:
-        """Take the torque, g(q), the reported effort and q."""
-        if len(self._watch.position) == self._arm.joint_count:
-            q = np.array(self._watch.measured())
-            reported = [self._effort.get(name, np.nan) for name in self._arm.joint_names]
-            self._torque.append(np.array([
-                message.effort, self._body.gravity(q),
-                self._arm.given_report.torque(np.array(reported)), q]))
+        self._torque[stamp_ns(message.header)] = np.array(message.effort)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:

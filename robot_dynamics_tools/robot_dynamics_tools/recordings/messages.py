@@ -68,7 +68,8 @@ def joint_state_messages(
 ) -> list[bytes]:
     """Return m messages of sensor_msgs/msg/JointState; arrays are (m, n), or None for no field."""
     nothing = np.empty((len(stamps_ns), 0))
-    arrays = (nothing if values is None else values for values in (position, velocity, effort))
+    arrays = (nothing if values is None else np.ascontiguousarray(values)
+              for values in (position, velocity, effort))
     return stamped_messages(
         JOINT_STATE, stamps_ns, dict(zip(FIELDS, arrays)), name=list(joint_names))
 
