@@ -32,6 +32,7 @@ from robot_dynamics.monitoring.drive_tilt import TILTED
 from robot_dynamics.monitoring.drive_verdicts import AGREES
 from robot_dynamics.monitoring.drive_verdicts import NEAR as RESOLUTION
 from robot_dynamics.monitoring.drive_verdicts import UNKNOWN as UNSEEN
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics.ros.middleware.diagnostics import STIFFNESS
 from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics_tools.connect.checks import BAD, CHECK, Checklist, Settings, UNKNOWN
@@ -39,7 +40,6 @@ from robot_dynamics_tools.gravity_calibration.holds import per_joint
 from robot_dynamics_tools.gravity_calibration.reported_gravity import is_scale, NOISE
 from robot_dynamics_tools.processes import DYNAMICS, NodeProcess, STOP_TIMEOUT
 from robot_dynamics_tools.recordings.interrupts import uninterrupted
-from robot_dynamics_tools.recordings.messages import stamp_ns
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.motion_watch import goal_publication, MotionWatch
@@ -254,11 +254,11 @@ class Probes:
         self._state |= zip(message.name, zip_longest(
             message.position, message.effort, fillvalue=np.nan))
         if self._state.keys() >= set(self._arm.joint_names):
-            self._states[stamp_ns(message.header)] = np.transpose(
+            self._states[stamp_from_ros(message.header.stamp)] = np.transpose(
                 [self._state[name] for name in self._arm.joint_names])
 
     def _on_torque(self, message: JointState) -> None:
-        self._torque[stamp_ns(message.header)] = np.array(message.effort)
+        self._torque[stamp_from_ros(message.header.stamp)] = np.array(message.effort)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
