@@ -33,16 +33,18 @@ from supervised import (
 
 # --- the course of a fault -----------------------------------------------------------------------
 
-def test_a_fault_is_replaced_by_one_with_a_stricter_recovery():
+def test_a_fault_is_replaced_by_a_stricter_one_or_another_one_to_reset():
     one = running()
     easy, hard = Fault('easy', 'words'), Fault('hard', 'words', recovery=5)
+    other = Fault('other', 'words', latched=True)
     for n, (fault, in_force) in enumerate([
-            (easy, easy), (hard, hard), (easy, hard), (LATCHED, LATCHED), (hard, LATCHED)]):
+            (easy, easy), (hard, hard), (easy, hard), (LATCHED, LATCHED), (hard, LATCHED),
+            (other, other)]):
         one.end(START + 0.1 * n, Ending.by(fault))
         assert one.fault == in_force, n
-    assert one.fault_count == 3
-    t, _ = course(one, START + 0.4)  # the action began with the first fault
-    assert t[-1] == pytest.approx(HOLD_TIME + RAMP_TIME - 0.4, abs=1.5 * PERIOD)
+    assert one.fault_count == 4
+    t, _ = course(one, START + 0.5)  # the action began with the first fault
+    assert t[-1] == pytest.approx(HOLD_TIME + RAMP_TIME - 0.5, abs=1.5 * PERIOD)
 
 
 # --- latched -------------------------------------------------------------------------------------

@@ -115,29 +115,38 @@ def wait_effort(bench: FaultBench, effort: Any) -> None:
 
 
 class RunAway:
-    """Change the state of an arm to one of which the first joint becomes faster, up to a speed."""
+    """
+    Change the state of an arm to one of which the first joint becomes faster, up to a speed.
 
-    ACCELERATION, FASTEST = 60.0, 18.0
-    """[rad/s²], and [rad/s]: the limit is 10 rad/s."""
+    After a PERIOD it stops and begins again: a busy computer may miss the states of one rise.
+    """
+
+    ACCELERATION, FASTEST, PERIOD = 60.0, 18.0, 5.0
+    """[rad/s²], [rad/s], where the limit is 10 rad/s, and [s]."""
 
     def __init__(self) -> None:
-        self._begin_ns = 0
+        self._begin_ns = self._last_ns = 0
+        self._q = Q[0]
+        self.v = 0.0
+        """The present speed of the joint [rad/s]."""
 
     def __call__(self, message: JointState) -> JointState:
         stamp = nanoseconds_of(message.header.stamp)
         self._begin_ns = self._begin_ns or stamp
-        t = 1e-9 * (stamp - self._begin_ns)
-        rise = min(t, self.FASTEST / self.ACCELERATION)
-        v = self.ACCELERATION * rise
-        message.position = [Q[0] + 0.5 * v * rise + v * (t - rise), Q[1]]
-        message.velocity = [v, 0.0]
+        t = 1e-9 * (stamp - self._begin_ns) % self.PERIOD
+        v = min(self.ACCELERATION * min(t, self.PERIOD - t), self.FASTEST)
+        self._q += 0.5 * (v + self.v) * 1e-9 * (stamp - (self._last_ns or stamp))
+        self.v, self._last_ns = v, stamp
+        message.position, message.velocity = [self._q, Q[1]], [v, 0.0]
         return message
 
 
 def run_away(bench: FaultBench) -> None:
-    """Cause the latched fault `wrong_drive`, after which the driver pauses."""
-    bench.driver.stream_changed(RunAway())
+    """Cause the latched fault `wrong_drive`; the driver pauses while the joint is too fast."""
+    away = RunAway()
+    bench.driver.stream_changed(away)
     bench.wait_fault('wrong_drive')
+    wait_until(lambda: away.v == away.FASTEST, 'a joint that is too fast')
     bench.driver.be_quiet()
     bench.driver.change = lambda message: message
 

@@ -32,6 +32,11 @@ class Fault:
     recovery: int = 1
     shares: tuple[tuple[int, float], ...] = ()
 
+    def replaces(self, other: 'Fault') -> bool:
+        """Return whether it is harder to leave than another fault, or another one to reset."""
+        return (self.latched, self.recovery) > (other.latched, other.recovery) or (
+            self.latched and self.name != other.name)
+
     def __str__(self) -> str:
         waits = '; waits for ~/reset_fault' if self.latched else ''
         return f'fault {self.name}: {self.message}{waits}'
@@ -54,15 +59,16 @@ class RecurringFaults:
 
     def count(self, fault: Fault, now: float) -> Fault:
         """Return a fault that has ended a reference, or the one that has recurred with it."""
-        if fault.name in (FOLLOWING_ERROR, OVERSPEED):
-            self._times.append(now)
-            if len(self._times) == RECURRENCES and now - self._times[0] <= RECURRENCE_TIME:
-                self._times.clear()
-                self.is_driven = self.fault is not None
-                self.fault = replace(fault, latched=True, message=(
-                    f'{fault.message}; {RECURRENCES} faults of the motion within '
-                    f'{RECURRENCE_TIME:g} s' + ', again while the arm is only held: it is damped'
-                    * self.is_driven))
+        if fault.name not in (FOLLOWING_ERROR, OVERSPEED):
+            return fault
+        self._times.append(now)
+        if len(self._times) == RECURRENCES and now - self._times[0] <= RECURRENCE_TIME:
+            self._times.clear()
+            self.is_driven = self.fault is not None
+            self.fault = replace(fault, latched=True, message=(
+                f'{fault.message}; {RECURRENCES} faults of the motion within '
+                f'{RECURRENCE_TIME:g} s' + ', again while the arm is only held: it is damped'
+                * self.is_driven))
         return self.fault or fault
 
     def reset(self) -> None:

@@ -156,8 +156,7 @@ class CommandSupervisor:
         elif is_new:
             self.mode = Mode.FAULT
             self._action.begin(now, self.holding())
-        if is_new or self.fault is None or (
-                (fault.latched, fault.recovery) > (self.fault.latched, self.fault.recovery)):
+        if is_new or self.fault is None or fault.replaces(self.fault):
             self.fault, self.fault_count = fault, self.fault_count + 1
             self._failed_at = self._damped_for
 
