@@ -18,7 +18,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.followed_reference import FollowedReference, LastState, Prepared
-from robot_dynamics.control.gains.gain_scaling import StableGains
+from robot_dynamics.control.gains.gain_scaling import Candidates, StableGains
 from robot_dynamics.control.gains.oscillation import REST_SPEED
 from robot_dynamics.control.laws.control_law import ControlLaw, LawInput, LawTopic
 from robot_dynamics.control.laws.error_feedback import Tracking
@@ -64,8 +64,9 @@ class Controller:
         """The trajectory or stop that is followed."""
         self.gains = StableGains(arm.joint_count)
         """Period and noise of the joint states, and the bandwidth that they allow."""
-        self._interval = 0.0, 0.0
-        """Time of the last state after the one before, and the delay of its velocity [s]."""
+        self._interval = 0.0
+        """Time of the last state after the one before [s]."""
+        self._candidates: Candidates = ()
         self._tracking: Tracking | None = None
         self.state: LastState | None = None
         """The last state with a velocity, or None."""
@@ -232,20 +233,21 @@ class Controller:
     # ------------------------------------------------------------------ the control path
 
     def answer(
-        self, stamp_ns: int, q: FloatArray, v: FloatArray, velocity_delay: float = 0.0,
+        self, stamp_ns: int, q: FloatArray, v: FloatArray, candidates: Candidates = (),
     ) -> ControlOutput:
         """
         Return the efforts for the state (q, v), each (n,), at stamp_ns.
 
-        The caller holds `lock`, and calls `evaluate` afterwards. `velocity_delay` [s] is the delay
-        of v. Raises NonFiniteEffortError if an effort is not finite: the state is outside the
-        range of the model.
+        The caller holds `lock`, and calls `evaluate` afterwards. v is one of the `candidates`, by
+        default the only one. Raises NonFiniteEffortError if an effort is not finite: the state is
+        outside the range of the model.
         """
         load, gains, laws = self.load, self.gains, self.laws
         if load.changes:
             load.advance(stamp_ns)
         law, q_ahead, last = laws.at_rest, q, self.state
-        self._interval = 0.0 if last is None else 1e-9 * (stamp_ns - last[0]), velocity_delay
+        self._interval = 0.0 if last is None else 1e-9 * (stamp_ns - last[0])
+        self._candidates = candidates or ((v, 0.0),)
         self.state = stamp_ns, q, v
         reference = self.followed
         trajectory = reference.generator.active
@@ -294,7 +296,7 @@ class Controller:
         if state is None or not self.options.scales_gains:
             return
         (stamp_ns, _, v), oscillation = state, laws.oscillation
-        has_changed = self.gains.take(*self._interval, v)
+        has_changed = self.gains.take(self._interval, self._candidates)
         if tracking is not None and self.gains.is_known and (
                 tracking.largest > REST_SPEED or oscillation.factor < 1.0):
             has_changed |= oscillation.take(

@@ -12,7 +12,8 @@ The velocity of a joint is the measured one as long as it agrees with the positi
 period of the states if that is longer: v = (q_k − q_j) / (t_k − t_j) with t_k − t_j ≥ SPAN_NS. It
 is late by half of this span (P. R. Bélanger, "Estimation of angular velocity and acceleration from
 shaft encoder measurements", IEEE Int. Conf. Robotics and Automation, 1992). No velocity can
-therefore drive an arm away, and a wrong judgement costs only bandwidth.
+therefore drive an arm away, and a wrong judgement costs only bandwidth. If the measured velocities
+are so noisy that d permits a higher bandwidth, d is used for all joints (`gain_scaling`).
 
 A joint does not stop between two samples: at a constant deceleration, its last step is at most a
 third of the step before. If its position repeats bit by bit although its last two steps, of more
@@ -32,7 +33,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, NANOSECONDS_PER_SECOND, wrap_to_pi
-from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
+from robot_dynamics.control.gains.gain_scaling import Candidates, LOOP_DELAY
 from robot_dynamics.control.gains.oscillation import REST_SPEED
 from robot_dynamics.control.laws.error_feedback import DEFAULT_NATURAL_FREQUENCY
 from robot_dynamics.control.safety.faults import STATE_TIMEOUT
@@ -61,7 +62,7 @@ _MOST = 100
 
 class Signals(NamedTuple):
     """
-    Position and velocity (n,) in use, the verdict on the state, and the delay [s] of the velocity.
+    Position and velocity (n,) in use, the verdict on the state, and both velocities with delays.
 
     `lost` (n,) marks joints without a signal, None for none. The velocity of a first state is 0.
     """
@@ -69,7 +70,7 @@ class Signals(NamedTuple):
     q: FloatArray
     v: FloatArray
     verdict: StateVerdict
-    delay: float = 0.0
+    candidates: Candidates = ()
     lost: BoolArray | None = None
 
 
@@ -82,6 +83,7 @@ class Gate:
         is_held: Callable[[FloatArray, FloatArray], BoolArray] = (
             lambda q, error: np.zeros(len(q), dtype=bool)),
         is_commanded: Callable[[], bool] = lambda: False,
+        choice: Callable[[], int] = lambda: 0,
     ) -> None:
         """
         Take the velocity limits (n,), infinite for none, and the largest age of a state [s].
@@ -89,10 +91,11 @@ class Gate:
         `wraps` (n,) marks the continuous joints: their positions may jump by a turn. `reference`
         returns the reference, or None. `is_held` returns at which joints (n,) friction can hold an
         arm at q (n,) with a position error (n,). `is_commanded` returns whether a command moves or
-        holds the arm.
+        holds the arm. `choice` returns 0 for the measured velocity, 1 for that of the positions.
         """
         self.plausibility = StatePlausibility(joint_names, velocity_limit, max_age, wraps)
         self._reference, self._is_held, self._is_commanded = reference, is_held, is_commanded
+        self._choice = choice
         self._wraps, self._any_wraps = wraps, bool(wraps.any())
         self._velocities = VelocityAgreement(velocity_limit)
         self._none: BoolArray = np.zeros(len(wraps), dtype=bool)
@@ -107,7 +110,7 @@ class Gate:
     def _first(self, verdict: StateVerdict, q: FloatArray) -> Signals:
         """Return the signals at a first state."""
         zero = np.zeros(len(q))
-        self._signals = Signals(q, zero, verdict)
+        self._signals = Signals(q, zero, verdict, 2 * ((zero, 0.0),))
         self._ways: deque[tuple[int, FloatArray]] = deque([(verdict.stamp, q)], maxlen=_MOST)
         """Stamps [ns], and the sums (n,) of the steps until then."""
         self._velocities.restart()
@@ -173,7 +176,7 @@ class Gate:
                 left = left | self._contradicts(1e-9 * passed_ns, same & (v == v_before), v)
             q, step = self._continued(
                 passed_ns, q, step, same & (fast | moves & (self._missing_ns > 0)), same & left,
-                reference)
+                same, reference)
         else:
             self._left, self._claimed = None, 0.0 * q
         return self._taken(verdict, 1e-9 * passed_ns, q, v, step)
@@ -199,14 +202,16 @@ class Gate:
         self._steps = self._steps[1], (dt, step)
         if not self._is_missing:
             np.minimum(self._increment, np.abs(step), out=self._increment, where=step != 0.0)
+        candidates = (used, 0.5 * span if is_late else 0.0), (d, 0.5 * span)
         self._signals = Signals(
-            q, used, verdict, 0.5 * span if is_late else 0.0, self._lost)
+            q, candidates[self._choice()][0], verdict, candidates, self._lost)
         return self._signals
 
     def _moves(self, v: FloatArray | None, before: FloatArray | None) -> BoolArray:
         """Return which joints (n,) have no new velocity that is less than half of the last one."""
+        last = self._signals.v
         return ~self._none if v is None or before is None else (
-            (v == before) | (v == 0.0) | (np.abs(v) > 0.5 * np.abs(self._signals.v)))
+            (v == before) | (v == 0.0) | (v * last > 0.5 * last**2))
 
     def _cannot_stand(self) -> BoolArray:
         """Return which joints (n,) were too fast in the last two steps to stand now."""
@@ -239,12 +244,13 @@ class Gate:
 
     def _continued(
         self, passed_ns: int, q: FloatArray, step: FloatArray, missing: BoolArray, left: BoolArray,
-        reference: Reference | None,
+        same: BoolArray, reference: Reference | None,
     ) -> tuple[FloatArray, FloatArray]:
         """
         Return positions and steps (n,) with those of `missing` and `left` joints continued.
 
-        The first step of a joint that is found is also that of its last velocity.
+        The first step of a joint that is found is also that of its last velocity, or 0 if its
+        position is still the same: it has stopped.
         """
         last, dt, was_missing = self._signals, 1e-9 * passed_ns, self._missing_ns > 0
         missing = missing | left
@@ -263,5 +269,5 @@ class Gate:
         v = np.where(lost, decay * last.v, last.v + (
             0.0 if reference is None else dt * reference.acceleration))
         self._signals = last._replace(v=v)
-        step = np.where(missing | was_missing, dt * v, step)
+        step = np.where(missing | was_missing, dt * v * (missing | ~same), step)
         return np.where(missing, last.q + step, q), step

@@ -95,7 +95,7 @@ class ControlLoop:
         self.gate = Gate(
             arm.joint_names, arm.is_continuous, arm.limits.velocity, DEFAULT_STATE_MAX_AGE,
             lambda: controller.reference, partial(is_held, controller),
-            lambda: self.supervisor.limiter.last is not None)
+            lambda: self.supervisor.limiter.last is not None, lambda: controller.gains.choice)
         self.supervisor = CommandSupervisor(arm.joint_names, limits, safety)
         self.gate.plausibility.is_lock_step = safety.is_lock_step
         if before is not None:
@@ -292,14 +292,14 @@ class ControlLoop:
 
     def _answer(self, signals: Signals, now: float, fault: Fault | None) -> LoopAnswer:
         controller, supervisor = self.controller, self.supervisor
-        q, v, verdict, delay, lost = signals
+        q, v, verdict, candidates, lost = signals
         if not verdict.is_new and self._output is not None and not self._awaits_command:
             return LoopAnswer(supervisor.repeat(), self._output, verdict)
         if lost is not None:
             fault = fault or frozen_joint(controller.arm.joint_names, lost)
             if supervisor.is_held_in_vain(v):
                 supervisor.end(now, Ending.by(fault, Kind.RELEASE_NOW))
-        output = self._output = controller.answer(verdict.stamp, q, v, delay)
+        output = self._output = controller.answer(verdict.stamp, q, v, candidates)
         self.states += 1
         if output.command is None:
             supervisor.end(now, Ending(Kind.RELEASE_NOW, 'there is no command'))

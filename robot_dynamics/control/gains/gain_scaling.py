@@ -18,6 +18,9 @@ T_d is half a period of the states, LOOP_DELAY, and the delay of the velocity (`
 of the rate limit τ̇ of the effort: noise σ of the velocity becomes M D s σ in the effort. If it
 exceeds the changes that the limit permits, the limit acts as a low-pass with the time constant
 s T_n = M D s σ / (0.8 τ̇): 0.8 is the expected change of a slew-limited value with normal noise.
+A measured velocity has more noise than the difference quotient of the positions, or less delay.
+The one with the larger s after the first block of states is used (`choice`); not later, because an
+oscillation looks like noise.
 
 With a damping ratio of 1, without noise: s = 0.5 rad / (2.06 ω T_d), for 20 rad/s and states at
 125 Hz 0.5 / (41.2 · 12 ms) = 1.0, at 30 Hz 0.49. If s is below 1, M, C and g are those of the
@@ -49,6 +52,10 @@ FIRST_PERIOD = 4.0 * LOOP_DELAY
 BLOCK = 32
 """States of which one estimate of the noise is made; the period decreases as slowly."""
 _SLEW = math.sqrt(2.0 / math.pi)
+
+
+Candidates = Sequence[tuple[FloatArray, float]]
+"""Velocities (n,) that may be used, the usual one first, and their delays [s]."""
 
 
 class LoopGains(NamedTuple):
@@ -116,15 +123,20 @@ class StableGains:
         self.period = 0.0
         """[s] between the states, the shorter of two intervals: a single long one is a gap."""
         self.noise: FloatArray = np.zeros(n)
-        """The standard deviation of the velocity (n,)."""
+        """The standard deviation of the velocity in use (n,)."""
+        self.choice = 0
+        """The candidate to use."""
         self.is_known = False
         """Whether the noise is known."""
-        self._velocity_delay = self._rated_period = 0.0
+        self._rated_period = 0.0
+        self._delays: list[float] = [0.0]
+        self._noises: FloatArray = np.zeros((1, n))
+        """Delay [s], and standard deviation (n,) of each candidate."""
         self._gains: LoopGains
         self._effort_rate: FloatArray = np.full(n, math.inf)
         self._interval = math.inf
-        self._block: deque[FloatArray] = deque(maxlen=BLOCK)
-        """Velocities (n,), NaN after a gap."""
+        self._block: deque[list[FloatArray]] = deque(maxlen=BLOCK)
+        """Candidates (n,) of each state, NaN after a gap."""
 
     def set_loop_gains(self, gains: LoopGains, effort_rate: FloatArray) -> None:
         """
@@ -135,20 +147,20 @@ class StableGains:
         self._gains, self._effort_rate = gains, effort_rate
         self._set_scale()
 
-    def take(self, dt: float, velocity_delay: float, v: FloatArray) -> bool:
+    def take(self, dt: float, candidates: Candidates) -> bool:
         """
-        Take the velocity v (n,) of a state; return whether a scale has changed.
+        Take the velocities of a state; return whether a scale has changed.
 
-        The state is dt [s] after the last one, 0 if that is unknown. `velocity_delay` [s] is the
-        delay of v.
+        The state is dt [s] after the last one, 0 if that is unknown.
         """
-        block, last, period, self._velocity_delay = (
-            self._block, self._interval, self.period, velocity_delay)
+        block, last, period = self._block, self._interval, self.period
+        self._delays = [delay for _, delay in candidates]
         if dt > 0.0:
             shorter, self._interval = min(dt, last), dt
             if last < math.inf:
                 self.period = max(shorter, period - (period - shorter) / BLOCK)
-        block.append(v if 0.0 < dt < 2.0 * self.period else v * math.nan)
+        is_next = 0.0 < dt < 2.0 * self.period
+        block.append([v if is_next else v * math.nan for v, _ in candidates])
         if len(block) == BLOCK:
             self._take_noise()
         elif period > 0.0 and self.period <= self._rated_period:
@@ -156,14 +168,17 @@ class StableGains:
         return self._set_scale()
 
     def _take_noise(self) -> None:
-        """Average the variance with that of a block of states."""
+        """Average the variance with that of a block of states; choose after the first one."""
         # The second difference of white noise has 6 times its variance, and little of a motion.
         second = np.diff(np.array(self._block), 2, axis=0)
-        second = second[np.isfinite(second).all(axis=1)]
+        second = second[np.isfinite(second).all(axis=(1, 2))]
         if len(second):
             variance = (second * second).mean(axis=0) / 6.0
-            before = self.noise**2 if self.is_known else variance
-            self.noise, self.is_known = np.sqrt(0.5 * (before + variance)), True
+            before = self._noises**2 if self.is_known else variance
+            self._noises = np.sqrt(0.5 * (before + variance))
+            if not self.is_known:
+                least = [self._scale_with(k).min(initial=1.0) for k in range(len(variance))]
+                self.choice, self.is_known = least.index(max(least)), True
         self._block.clear()
 
     def __str__(self) -> str:
@@ -173,15 +188,19 @@ class StableGains:
 
     def _set_scale(self) -> bool:
         """Evaluate the scales; return whether they have changed."""
-        gains, before = self._gains, self.scale
-        self._rated_period = self.period or FIRST_PERIOD
-        delay = LOOP_DELAY + 0.5 * self._rated_period + self._velocity_delay
-        effort = np.sqrt((gains.noise * self.noise)**2 @ np.ones_like(self.noise))
-        phase = gains.crossover * float(np.max(effort / (_SLEW * self._effort_rate), initial=0.0))
-        of_noise = math.sqrt(NOISE_LAG / phase) if phase > NOISE_LAG else 1.0
-        self.scale = np.minimum(gains.delay / delay, of_noise)
+        before, self._rated_period = self.scale, self.period or FIRST_PERIOD
+        self.scale, self.noise = self._scale_with(self.choice), self._noises[self.choice]
         self.least = float(self.scale.min(initial=1.0))
         self.lag = 0.5 * (self.period + LOOP_DELAY) if self.least < 1.0 else 0.0
-        bandwidth = self.scale * np.maximum(gains.frequency / USUAL_FREQUENCY, 1.0)
+        bandwidth = self.scale * np.maximum(self._gains.frequency / USUAL_FREQUENCY, 1.0)
         self.reference_scale = float(bandwidth.min(initial=1.0))
         return bool((self.scale != before).any())
+
+    def _scale_with(self, choice: int) -> FloatArray:
+        """Return the scales (n,) with a candidate."""
+        gains, noise = self._gains, self._noises[choice]
+        delay = LOOP_DELAY + 0.5 * self._rated_period + self._delays[choice]
+        effort = np.sqrt((gains.noise * noise)**2 @ np.ones_like(noise))
+        phase = gains.crossover * float(np.max(effort / (_SLEW * self._effort_rate), initial=0.0))
+        of_noise = math.sqrt(NOISE_LAG / phase) if phase > NOISE_LAG else 1.0
+        return np.minimum(gains.delay / delay, of_noise)
