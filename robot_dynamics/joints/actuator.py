@@ -25,7 +25,7 @@ import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.parameter_field import per_joint_values
-from robot_dynamics.validation import is_empty, SMALLEST_DIVISOR
+from robot_dynamics.validation import check_scalar, is_empty, SMALLEST_DIVISOR
 
 DEFAULT_CURRENT_TIME_CONSTANT = 2e-4
 """[s]"""
@@ -97,12 +97,9 @@ class Actuators:
         """
         back_emf = self.back_emf_constant * self.gear_ratio * v
         with np.errstate(divide='ignore', invalid='ignore'):
-            low = np.where(
-                np.isfinite(self.voltage_limit), (-self.voltage_limit - back_emf)
-                / self.resistance, -np.inf)
-            high = np.where(
-                np.isfinite(self.voltage_limit), (self.voltage_limit - back_emf)
-                / self.resistance, np.inf)
+            low, high = (
+                np.where(np.isfinite(voltage), (voltage - back_emf) / self.resistance, voltage)
+                for voltage in (-self.voltage_limit, self.voltage_limit))
         limit = self.current_limit
         return np.clip(-limit, low, high), np.clip(limit, low, high)
 
@@ -199,11 +196,8 @@ def make_reflected_inertia(joint_names: Sequence[str], value: npt.ArrayLike) -> 
     """
     J = per_joint_values(
         'actuator.reflected_inertia', value, joint_names, np.zeros(len(joint_names)))
-    if (J < 0.0).any():
-        joint = int(np.argmax(J < 0.0))
-        raise InvalidInputError(
-            f'actuator.reflected_inertia of {joint_names[joint]!r} is {J[joint]:g}, '
-            'expected a number >= 0')
+    for name, inertia in zip(joint_names, J.tolist()):
+        check_scalar(f'actuator.reflected_inertia of {name!r}', inertia, minimum=0.0)
     return J
 
 

@@ -44,9 +44,6 @@ def constrained_motion(M: FloatArray, effort: FloatArray, stuck: BoolArray) -> C
     friction must compensate, with the sign of the effort that it resists.
     """
     a, friction = np.zeros_like(effort), np.zeros_like(effort)
-    if not stuck.any():
-        a = np.asarray(np.linalg.solve(M, effort), dtype=np.float64)
-        return ConstrainedMotion(a, friction)
     free, held = np.flatnonzero(~stuck), np.flatnonzero(stuck)
     if len(free):
         a[free] = np.linalg.solve(M[free[:, None], free], effort[free])
