@@ -123,9 +123,9 @@ class ArmSimulation:
         to the presliding distance.
         """
         q, v = position.copy(), velocity.copy()
-        backlash = Backlash.of(self.arm.actuators)
-        theta = q if backlash is None else backlash.resting_side(
-            q, self._dynamics.rigid_body.gravity(q))
+        theta, backlash = q, Backlash.of(self.arm.actuators)
+        if backlash is not None:  # in contact in the direction of the effort
+            theta = q + np.sign(self._dynamics.rigid_body.gravity(q)) * backlash.half_gap
         bristles = Bristles.of(self._dynamics.friction)
         z = np.zeros_like(q) if bristles is None else bristles.initial(v)
         self._now = MotionState(q, v, theta, v, z)

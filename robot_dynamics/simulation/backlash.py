@@ -60,10 +60,6 @@ class Backlash(NamedTuple):
             0.5 * actuators.backlash, actuators.restitution, actuators.reflected_inertia,
             actuators.backlash > 0.0)
 
-    def resting_side(self, q: FloatArray, effort: FloatArray) -> FloatArray:
-        """Return θ (n,) of motors with an effort (n,): in contact in the direction of effort."""
-        return np.asarray(q + np.sign(effort) * self.half_gap)
-
     def touching(self, q: FloatArray, theta: FloatArray) -> FloatArray:
         """Return the side s (n,) on which teeth touch; 0 in the gap and without backlash."""
         offset = theta - q

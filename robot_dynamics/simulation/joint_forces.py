@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics.joints.friction import JointFriction
 from robot_dynamics.joints.stiction import constrained_motion, Modes
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
@@ -94,11 +93,8 @@ class JointForces:
         """Return the rigid bodies without the rotors of separated motors."""
         return self._dynamics_with(opened).rigid_body
 
-    def friction_with(self, opened: BoolArray) -> JointFriction:
-        """Return the friction, without its load-dependent part for separated motors."""
-        return self._dynamics_with(opened).friction
-
     def _dynamics_with(self, opened: BoolArray) -> UncheckedArmDynamics:
+        """Return the same with the friction, which depends on no load at separated motors."""
         if self.backlash is None or not opened.any():
             return self._dynamics
         key = opened.tobytes()
@@ -120,7 +116,7 @@ class JointForces:
         tau = np.where(opened, 0.0, self.tau)
         if springs is not None:
             tau = tau - springs.force(q, v)
-        effort = self.friction_with(opened).without_dry(
+        effort = self._dynamics_with(opened).friction.without_dry(
             v, tau, None if self.bristles is None else direction)
         effort = effort - self.body.nonlinear(q, v)
         return effort - self.body.external(q, self.wrenches) if self.wrenches else effort
@@ -130,13 +126,13 @@ class JointForces:
         tau = self.tau if self.backlash is None else np.where(modes.open, 0.0, self.tau)
         if modes.springs is not None:
             tau = tau - modes.springs.force(q, v)
-        return self.friction_with(modes.open).load_behind(v, tau, modes.joints.direction)
+        return self._dynamics_with(modes.open).friction.load_behind(v, tau, modes.joints.direction)
 
     def damping(self, q: FloatArray, v: FloatArray, modes: GearModes) -> FloatArray:
         """Return the viscous friction (n,) that equals all smooth friction at v."""
         damping = self.friction.viscous
         if not self.friction.is_linear:
-            damping = self.friction_with(modes.open).damping(
+            damping = self._dynamics_with(modes.open).friction.damping(
                 v, self.after_friction(q, v, modes))
         return damping if modes.springs is None else damping + modes.springs.damping_at(v)
 
