@@ -146,5 +146,4 @@ def _largest_peaks(ratios: FloatArray) -> IntArray:
         ratios > (1.0 + 1e-9) * np.minimum(before, after))
     rows = np.flatnonzero(is_peak)
     largest = np.argsort(-ratios[rows], kind='stable')[:PEAKS]
-    found: IntArray = rows[largest]
-    return found
+    return np.asarray(rows[largest])

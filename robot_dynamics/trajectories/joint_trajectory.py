@@ -196,9 +196,7 @@ def _check_field(
     field: str, rows: Points, count: int, names: list[str], expected: tuple[str, ...],
 ) -> list[FloatArray | None]:
     """Return the rows in the order of `expected`, with None for each omitted field."""
-    if len(rows) == 0:
-        return [None] * count
-    if len(rows) != count:
+    if len(rows) not in (0, count):
         raise TrajectoryError(
             f'{field} has {len(rows)} rows, expected {count}, one for each point')
     absent = [row is None or is_empty(row) for row in rows]

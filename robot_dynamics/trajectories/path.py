@@ -94,19 +94,15 @@ def _without_rounding(c: FloatArray) -> FloatArray:
     return c
 
 
-def _piece_directions(c: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the unit directions (k, n) of pieces (k, 6, n) just inside of both ends."""
-    ends = [sample_pieces(c, np.full(len(c), phase))[1] for phase in (1e-4, 1.0 - 1e-4)]
-    start, end = (v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-300) for v in ends)
-    return start, end
-
-
 def _rests(c: FloatArray) -> BoolArray:
     d = derivative(c)
     start, end = np.linalg.norm(d[:, 0], axis=1), np.linalg.norm(d.sum(axis=1), axis=1)
     largest = np.linalg.norm(np.abs(d).sum(axis=1), axis=1)
     rests = np.ones(len(c) + 1, dtype=np.bool_)
-    first, last = _piece_directions(c)
+    # The unit directions (k, n) just inside of both ends.
+    inside = (sample_pieces(c, np.full(len(c), phase))[1] for phase in (1e-4, 1.0 - 1e-4))
+    first, last = (
+        v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-300) for v in inside)
     turn = np.linalg.norm(first[1:] - last[:-1], axis=1)
     rests[1:-1] = (end < _REST * largest)[:-1] | (start < _REST * largest)[1:] | (turn > 0.01)
     return rests

@@ -200,7 +200,9 @@ def _end_rows(
     motors = limits.dynamics.arm.actuators
     rotor = 0.0 if motors is None else motors.reflected_inertia
     x_1 = (1.0 + _STEP) * np.maximum(x, max(_FLOOR * float(x.max()), _SLOWEST**2))
-    v = np.stack([_velocity(tangent, ways, state) for state in (x, x_1)])
+    v = tangent * np.sqrt(np.stack((x, x_1)))[:, :, np.newaxis]
+    # A joint at rest has a tiny velocity in its direction of motion.
+    v = np.where(np.abs(v) > _SLOWEST, v, _SLOWEST * ways)
     effort, gain, scale = limits.bounds(v)
     direction = np.array([1.0, -1.0]).reshape(2, 1, 1, 1)
     with np.errstate(invalid='ignore'):
@@ -233,13 +235,6 @@ def _end_rows(
 def _rows(of_acceleration: FloatArray, of_effort: FloatArray) -> FloatArray:
     m, n = of_effort.shape[-2:]
     return np.concatenate((of_acceleration.reshape(2, m, n), of_effort.reshape(-1, m, n)))
-
-
-def _velocity(tangent: FloatArray, sign: FloatArray, x: FloatArray) -> FloatArray:
-    """Return the velocities (m, n); a joint at rest has a tiny one in its direction of motion."""
-    speed = np.sqrt(x)[:, np.newaxis]
-    v = tangent * speed
-    return np.where(np.abs(v) > _SLOWEST, v, _SLOWEST * sign)
 
 
 def check_slow_motion(
