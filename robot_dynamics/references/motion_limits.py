@@ -146,14 +146,11 @@ class WorkspaceInertia:
     def __init__(self, dynamics: ArmDynamics) -> None:
         body = dynamics.unchecked.rigid_body
         poses = random_states(dynamics.arm, _POSES)[0]
-        n = dynamics.arm.joint_count
         self.dynamics = dynamics
-        self.matrices: FloatArray = np.array(
-            [body.mass_matrix(q) for q in poses]).reshape(-1, n, n)
+        self.matrices: FloatArray = np.array([body.mass_matrix(q) for q in poses])
         """M(q) at each pose."""
         self.mass: FloatArray = np.abs(self.matrices)
         self.gravity: FloatArray = np.array([np.abs(body.gravity(q)) for q in poses])
-        self.gravity = self.gravity.reshape(-1, n)
 
     def heavier(self, other: 'WorkspaceInertia') -> 'WorkspaceInertia':
         """Return the larger values at each pose, for the transition between two loads."""
