@@ -164,7 +164,12 @@ class TaskSpaceState:
         try:
             L = np.linalg.cholesky(self.mass_matrix)
         except np.linalg.LinAlgError:
-            raise self._singular_mass_matrix() from None
+            n = self.joint_position.shape[-1]
+            q = self.joint_position.reshape(-1, n)
+            smallest = np.linalg.eigvalsh(self.mass_matrix.reshape(-1, n, n))[:, 0]
+            raise InvalidInputError(
+                f'the mass matrix at position {q[int(np.argmin(smallest))].tolist()} is not '
+                'positive definite, expected every joint to move some mass or inertia') from None
         return np.asarray(L), np.asarray(np.linalg.solve(L, np.swapaxes(self.jacobian, -1, -2)))
 
     @cached_property
@@ -179,14 +184,6 @@ class TaskSpaceState:
     def _reduced_U(self) -> FloatArray:
         U, inverse = self._decomposition.U, self._decomposition.inverse
         return U[..., :inverse.shape[-1]]
-
-    def _singular_mass_matrix(self) -> InvalidInputError:
-        n = self.joint_position.shape[-1]
-        q = self.joint_position.reshape(-1, n)
-        smallest = np.linalg.eigvalsh(self.mass_matrix.reshape(-1, n, n))[:, 0]
-        return InvalidInputError(
-            f'the mass matrix at position {q[int(np.argmin(smallest))].tolist()} is not positive '
-            'definite, expected every joint to move some mass or inertia')
 
 
 def _three_singular_values(half: FloatArray) -> FloatArray:

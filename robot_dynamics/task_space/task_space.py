@@ -43,8 +43,7 @@ class TaskSpace:
         offset = check_vector('point', point, 3, ('x', 'y', 'z'), LARGEST_VALUE)
         self.arm, self.frame, self.point = arm, frame, offset
         self.reference = check_choice('reference', reference, REFERENCES)
-        self._is_local = reference == 'local'
-        self._axes = pin.LOCAL if self._is_local else pin.LOCAL_WORLD_ALIGNED
+        self._axes = pin.LOCAL if reference == 'local' else pin.LOCAL_WORLD_ALIGNED
         self._model = arm.pinocchio_model.copy()
         self._id = self._model.addFrame(pin.Frame(
             f'{frame} {offset.tolist()}', link.parentJoint, link.parentFrame,
@@ -108,8 +107,8 @@ class TaskSpace:
         pin.forwardKinematics(model, data, q_tree, v_tree, self._zero)
         pose = pin.updateFramePlacement(model, data, self._id)
         # the derivative of the components of v: spatial in moving axes, else classical
-        acceleration = (
-            pin.getFrameAcceleration if self._is_local else pin.getFrameClassicalAcceleration)
+        acceleration = (pin.getFrameAcceleration if self.reference == 'local' else
+                        pin.getFrameClassicalAcceleration)
         bias = acceleration(model, data, self._id, self._axes).vector
         return (
             pose.translation.copy(), pose.rotation.copy(), x.jacobian(J), bias,
