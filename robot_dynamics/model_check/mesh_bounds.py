@@ -49,16 +49,12 @@ class MeshReader:
     def bounds(self, name: str) -> FloatArray | None:
         """Return the lower and upper corner (2, 3) of a mesh; None if it cannot be read."""
         if name not in self._known:
-            path = _trusted(name) if self._directory is None else find_mesh(
-                name, self._directory)
+            path = None
+            with suppress(ModelError):  # a mesh of a description from a topic is not opened
+                path = find_untrusted_mesh(name) if self._directory is None else find_mesh(
+                    name, self._directory)
             self._known[name] = None if path is None else bounding_box(path)
         return self._known[name]
-
-
-def _trusted(name: str) -> Path | None:
-    with suppress(ModelError):
-        return find_untrusted_mesh(name)
-    return None
 
 
 def bounding_box(path: Path) -> FloatArray | None:
