@@ -27,7 +27,7 @@ def simulated_arm() -> int:
 
 def run_module(module: str) -> int:
     """Run the `main` of a module of a node, which is imported here."""
-    handle_end_signals(_leave)
+    handle_end_signals(lambda *_: leave(0))  # at once, because nothing is running yet
     dependencies = importlib.import_module('robot_dynamics.dependencies')
     try:
         dependencies.require_ros(os.path.basename(sys.argv[0]))
@@ -35,8 +35,3 @@ def run_module(module: str) -> int:
         sys.exit(f'robot_dynamics: {error}')  # status 1
     leave(int(importlib.import_module(module).main()))
 
-
-def _leave(*_: object) -> None:
-    """Exit at once, because nothing is running yet."""
-    sys.stdout.flush()
-    os._exit(0)

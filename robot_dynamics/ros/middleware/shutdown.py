@@ -66,17 +66,13 @@ class ShutdownRequest:
     """Whether this process was asked to end; for use in a `with` statement, in the main thread."""
 
     def __init__(self) -> None:
-        self._asked = threading.Event()
+        self.is_made = False
+        """Whether the process was asked to end."""
         self._lock = threading.Lock()
         self._callback: Callable[[], object] | None = None
         self._reading, self._writing = os.pipe()
         os.set_blocking(self._writing, False)
         self._waiter = threading.Thread(target=self._wait, name='signals', daemon=True)
-
-    @property
-    def is_made(self) -> bool:
-        """Return whether the process was asked to end."""
-        return self._asked.is_set()
 
     def when_asked(self, callback: Callable[[], object]) -> None:
         """Call this once on the request, in another thread; at once if the request was earlier."""
@@ -88,7 +84,7 @@ class ShutdownRequest:
     def _wait(self) -> None:
         os.read(self._reading, 1)
         with self._lock:
-            self._asked.set()
+            self.is_made = True
             if self._callback is not None:
                 self._callback()
 
