@@ -11,6 +11,7 @@ rclpy.wait_for_message does.
 """
 
 from collections.abc import Callable
+from itertools import islice
 import threading
 
 import numpy as np
@@ -84,12 +85,10 @@ class JointStateLoop:
             self._callback(message)
         following = self._take()
         if following is not None:
-            self._deliver_newest([following])
+            self._deliver_newest([following, *islice(iter(self._take, None), MOST_WAITING - 1)])
 
     def _deliver_newest(self, waiting: list[bytes]) -> None:
         """Deliver the newest of the waiting messages per source; pass errors to `refuse`."""
-        while len(waiting) < MOST_WAITING and (following := self._take()) is not None:
-            waiting.append(following)
         newest: dict[tuple[str, ...], SensedState] = {}
         for data in waiting:
             try:
