@@ -153,10 +153,8 @@ class DeclaredParameters:
         self._node = node
         self._specs = {spec.name: spec for spec in specs}
         self._check, self._apply = check, apply
-        self.values: dict[str, Any] = {}
+        self.values: dict[str, Any] = {spec.name: self._declare(spec) for spec in specs}
         """All values by name; arrays as tuples."""
-        for spec in specs:
-            self.values[spec.name] = self._declare(spec)
         self._check_names()
         self._check(self.values)
         node.add_on_set_parameters_callback(self._judge)
@@ -178,9 +176,7 @@ class DeclaredParameters:
                 parameter = Parameter(spec.name, spec.kind, [])
                 self._node.set_parameters([parameter])
             self._node.set_descriptor(spec.name, spec.descriptor())
-        value = _plain(parameter)
-        spec.check(value)
-        return value
+        return _checked(spec, parameter)
 
     def _check_names(self) -> None:
         """Raise InvalidInputError for a name that no node has."""
@@ -212,19 +208,18 @@ class DeclaredParameters:
         values = dict(self.values)
         for parameter in parameters:
             spec = self._specs.get(parameter.name)
-            if spec is None:  # a parameter of rclpy, such as use_sim_time
-                continue
-            value = _plain(parameter)
-            spec.check(value)
-            values[spec.name] = value
+            if spec is not None:  # else a parameter of rclpy, such as use_sim_time
+                values[spec.name] = _checked(spec, parameter)
         return values
 
 
-def _plain(parameter: Parameter) -> Any:
+def _checked(spec: ParameterSpec, parameter: Parameter) -> Any:
     if parameter.type_ is Type.NOT_SET:
         raise InvalidInputError(f'{parameter.name} cannot be unset')
-    value = parameter.value
-    return value if isinstance(value, (bool, int, float, str)) else tuple(value)
+    given = parameter.value
+    value = given if isinstance(given, (bool, int, float, str)) else tuple(given)
+    spec.check(value)
+    return value
 
 
 def _type_in_words(spec: ParameterSpec) -> str:

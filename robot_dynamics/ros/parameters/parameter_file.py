@@ -3,7 +3,7 @@
 
 """The sections of a ROS parameter file, and the nodes to which they apply."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 import re
@@ -31,23 +31,21 @@ class ParameterFile:
         Raises InvalidInputError for a file that is not YAML, or that has no section.
         """
         self.path = path
-        self._field = field
         self._sections: dict[str, dict[str, Any]] = {}
-        for section, parameters in _sections(self._tree()):
+        for section, parameters in _sections(self._tree(field)):
             self._sections.setdefault(section, {}).update(parameters)
         if not self._sections:
             raise InvalidInputError(
                 f'{field} is {str(path)!r}, which has no parameters; expected a section such as '
                 '/** that contains ros__parameters')
 
-    def _tree(self) -> Any:
+    def _tree(self, field: str) -> Any:
         try:
             return load_yaml(self.path.read_text(encoding='utf-8'), 'a parameter file')
         except Exception as error:  # also yaml.YAMLError, of a library that is loaded late
-            reason = ' '.join(str(error).split())
-        raise InvalidInputError(
-            f'{self._field} is {str(self.path)!r}, which cannot be read: {reason}; expected a '
-            'parameter file (YAML)')
+            raise InvalidInputError(
+                f'{field} is {str(self.path)!r}, which cannot be read: '
+                f'{" ".join(str(error).split())}; expected a parameter file (YAML)') from None
 
     def parameters(self, node: str) -> dict[str, Any]:
         """Return the parameters of the node with a full name; nested names are not flattened."""
@@ -85,17 +83,13 @@ def write_parameter_file(section: str, values: Mapping[str, object]) -> str:
     return file.name
 
 
-def _sections(tree: Any, prefix: str = '') -> list[tuple[str, dict[str, Any]]]:
-    """Return name and parameters of each section below a prefix, in the order of the file."""
-    if not isinstance(tree, dict):
-        return []
-    found: list[tuple[str, dict[str, Any]]] = []
-    for key, value in tree.items():
+def _sections(tree: Any, prefix: str = '') -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield name and parameters of each section below a prefix, in the order of the file."""
+    for key, value in tree.items() if isinstance(tree, dict) else ():
         if key == 'ros__parameters':
-            found.append((prefix, value if isinstance(value, dict) else {}))
+            yield prefix, value if isinstance(value, dict) else {}
         else:
-            found += _sections(value, f'{prefix}/{str(key).strip("/")}')
-    return found
+            yield from _sections(value, f'{prefix}/{str(key).strip("/")}')
 
 
 def _applies(section: str, node: str) -> bool:
