@@ -79,11 +79,10 @@ class _Subscriber:
             'it has no parameter service')
 
     def _has_service(self) -> bool:
-        if not self._is_node:
-            return False
         with suppress(NodeNameNonExistentError, RclError):
-            services = self._node.get_service_names_and_types_by_node(*self._of)
-            return any(name == self._service for name, _ in services)
+            return self._is_node and any(
+                name == self._service
+                for name, _ in self._node.get_service_names_and_types_by_node(*self._of))
         return False
 
     def close(self) -> None:

@@ -92,11 +92,11 @@ class ExternalEffortFault:
     def set_limits(self, values: Values) -> None:
         """Use the limits and the bandwidth of the parameters from the next state on."""
         arm, name = self._controller.arm, 'external_effort_limit'
-        limit = per_joint(name, values[name], arm.joint_names) if any(values[name]) else None
-        self._limit = None if limit is None else np.where(limit > 0.0, limit, np.inf)
+        limit = per_joint(name, values[name] or [0.0], arm.joint_names)
+        self._limit = np.where(limit > 0.0, limit, np.inf)
         self._levels = contact_levels(values, arm) if values['contact.is_fault'] else None
         self._observer.set_bandwidth(values['external_effort_bandwidth'])
-        self.is_on = self._limit is not None or self._levels is not None
+        self.is_on = bool((limit > 0.0).any()) or self._levels is not None
         """Whether there is a limit."""
         if not self.is_on:
             self._observer.restart()
@@ -151,7 +151,7 @@ class ExternalEffortFault:
 
     def _excess(self, effort: FloatArray, v: FloatArray) -> Fault | None:
         """Return the fault at the joint whose effort exceeds its limit most."""
-        limit = np.full_like(effort, np.inf) if self._limit is None else self._limit
+        limit = self._limit
         if self._levels is not None:
             limit = np.minimum(limit, self._levels.at(v))
         ratio = np.abs(effort) / limit

@@ -153,7 +153,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Load the model; on failure, log the reason."""
-        self._configuring_failed = None
         try:
             self._models.load()
         except Exception as error:  # rclpy would change to the state ErrorProcessing

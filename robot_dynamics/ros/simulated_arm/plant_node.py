@@ -67,7 +67,6 @@ class PlantNode(GuardedCallbacks):
     """Connects parameters, topics and services to a plant; computes nothing itself."""
 
     _loop: WallTimeLoop | LockStepLoop | None = None
-    _effort_limit: FloatArray | None = None
 
     def _begin(
         self, plant: SimulatedRobot, effort_limit: FloatArray | None, values: Values,

@@ -70,12 +70,10 @@ def with_given(
             raise JointNamesError(
                 f'{field} has a tolerance for {name!r}, expected joints of this arm: '
                 f'{list(joint_names)}')
-        if value == ERASED:
-            values[list(joint_names).index(name)] = math.inf
-        elif not 0.0 <= value < math.inf:
+        if not (0.0 <= value < math.inf or value == ERASED):
             raise InvalidInputError(
                 f'{field} of {name!r} is {value:g}, expected a tolerance above 0, 0 for the '
                 'default, or -1 for none')
-        elif value != DEFAULT:
-            values[list(joint_names).index(name)] = value
+        if value != DEFAULT:
+            values[list(joint_names).index(name)] = math.inf if value == ERASED else value
     return values
