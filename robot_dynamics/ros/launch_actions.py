@@ -23,13 +23,11 @@ def declared(otherwise: str, **others: str | None) -> list[DeclareLaunchArgument
     `otherwise` is the source of the description if no argument and no file gives one. `others`
     are different descriptions of arguments, None for those that a launch file lacks.
     """
-    texts = {
-        name: others.get(name, description) for name, (_, description) in ARGUMENTS.items()}
     return [
         DeclareLaunchArgument(
-            name, default_value=ARGUMENTS[name][0],
-            description=text.format(otherwise=otherwise))
-        for name, text in texts.items() if text is not None]
+            name, default_value=default, description=text.format(otherwise=otherwise))
+        for name, (default, description) in ARGUMENTS.items()
+        if (text := others.get(name, description)) is not None]
 
 
 def switch(name: str, description: str) -> DeclareLaunchArgument:

@@ -153,10 +153,9 @@ class GuardedCallbacks(Node):
         """Set all of these parameters or none; the reason of a rejection names the parameter."""
         for parameter in parameter_list:
             if not self.has_parameter(parameter.name):
-                error = InvalidInputError(
+                return SetParametersResult(successful=False, reason=shortened(
                     f'there is no parameter {parameter.name!r}, expected one of those that '
-                    '~/list_parameters names')
-                return SetParametersResult(successful=False, reason=describe_error(error))
+                    '~/list_parameters names'))
         result = super().set_parameters_atomically(parameter_list)
         names = [parameter.name for parameter in parameter_list]
         if not result.successful and not any(name in result.reason for name in names):
