@@ -66,14 +66,12 @@ def run_tool(
         return run()
     except ToolError as error:
         message, status = str(error), FAILED
-    except RobotDynamicsError as error:
-        message, status = ' '.join(str(error).split()), rejected
     except BrokenPipeError:  # the reader of the output has ended, such as `head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
-    except OSError as error:
+    except (RobotDynamicsError, OSError) as error:
         message, status = ' '.join(str(error).split()), rejected
-        if error.filename is not None:
+        if isinstance(error, OSError) and error.filename is not None:
             message = f'{error.filename!r} cannot be used: {error.strerror}'
     except KeyboardInterrupt:
         message, status = interrupted, INTERRUPTED
