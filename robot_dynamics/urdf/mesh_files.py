@@ -30,9 +30,8 @@ def find_mesh(name: str, directory: Path) -> Path | None:
     if not separator or scheme == 'file':
         candidates = [directory / (rest if separator else name)]
     elif scheme == 'package':
-        inside = Path(rest.lstrip('/'))
-        above = [directory, *directory.parents]
-        candidates = [place / inside for place in (*above, *_share_directories())]
+        places = (directory, *directory.parents, *_share_directories())
+        candidates = [place / rest.lstrip('/') for place in places]
     else:
         return None
     return next(filter(os.path.isfile, candidates), None)
