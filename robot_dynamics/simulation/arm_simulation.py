@@ -63,8 +63,7 @@ class ArmSimulation:
         `max_step` [s] bounds the step of integration. Raises InvalidInputError.
         """
         n, names = arm.joint_count, arm.joint_names
-        limits = arm.limits
-        home = np.clip(np.zeros(n), limits.lower, limits.upper)
+        home = np.clip(0.0, arm.limits.lower, arm.limits.upper)
         self._initial = ArmState(
             home if position is None else check_vector('initial_position', position, n, names),
             np.zeros(n) if velocity is None else (

@@ -89,12 +89,9 @@ class PathLimits(NamedTuple):
         arm = self.dynamics.arm
         direction = np.array([1.0, -1.0]).reshape(2, *np.ones(v.ndim, dtype=np.intp))
         limit = self.share * arm.limits.effort
-        found = [(direction * limit + 0.0 * v, 0.0 * v, limit)] if np.isfinite(limit).any() else []
+        found = [(direction * limit + 0.0 * v, 0.0 * v, limit)]
         if arm.actuators is not None:
             found += self._of_motors(arm.actuators, direction, v)
-        if not found:
-            nothing = np.zeros((2, 0, *v.shape))
-            return RigidBodyBounds(nothing, nothing, np.zeros((0, len(limit))))
         efforts, rotors, scales = zip(*found)
         effort = np.stack(efforts, axis=1)
         left = arm.friction.load_behind(v, np.where(np.isfinite(effort), effort, 0.0))
