@@ -70,6 +70,5 @@ def _jerk_and_snap(T: float, s: float) -> FloatArray:
     """Return the rows that give jerk and snap at `s` from (q0, v0, a0, q1, v1, a1), in s."""
     third = np.array((0.0, 0.0, 0.0, 6.0, 24.0 * s, 60.0 * s**2)) / T**3
     fourth = np.array((0.0, 0.0, 0.0, 0.0, 24.0, 120.0 * s)) / T**4
-    scale = np.array((1.0, T, T**2))
-    rows: FloatArray = np.vstack((third, fourth)) @ QUINTIC * np.concatenate((scale, scale))
+    rows: FloatArray = np.vstack((third, fourth)) @ QUINTIC * np.tile((1.0, T, T**2), 2)
     return rows
