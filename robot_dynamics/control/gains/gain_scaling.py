@@ -124,7 +124,7 @@ class StableGains:
         """[s] between the states, the shorter of two intervals: a single long one is a gap."""
         self.noise: FloatArray = np.zeros(n)
         """The standard deviation of the velocity in use (n,)."""
-        self.choice = 0
+        self.choice = -1
         """The candidate to use."""
         self.is_known = False
         """Whether the noise is known."""
