@@ -135,12 +135,13 @@ class DriveCheck:
         return np.asarray(holding + min(1.0, float(share.min())) * feedback)
 
     def take(
-        self, time: float, output: ControlOutput, effort: FloatArray | None,
+        self, time: float, output: ControlOutput, v: FloatArray, effort: FloatArray | None,
     ) -> Fault | None:
         """
         Take a state and the effort (n,) commanded for it; return the fault of a wrong drive.
 
-        `time` [s] is that of the states. `effort` is None without a command.
+        `time` [s] is that of the states, v (n,) the earliest velocity. `effort` is None without a
+        command.
         """
         samples = self.samples
         if effort is None:
@@ -149,7 +150,7 @@ class DriveCheck:
             self._is_commanded, self.wrong = True, None
             self._found, self._right = {}, {}
             self.soft_until = time + SOFT_TIME + SOFT_RAMP
-            samples.begin(time, output.state.v)
+            samples.begin(time, v)
         if time < samples.due:  # the usual case
             samples.commands.append(effort)
             samples.since.append(time)
@@ -158,7 +159,7 @@ class DriveCheck:
         if mean is not None:
             mean, samples.active = _at_joints(output, mean), _at_joints(
                 output, samples.commands[-1])
-        is_new = samples.take(time, state.q, state.v, mean, state.dynamics)
+        is_new = samples.take(time, state.q, v, mean, state.dynamics)
         samples.command(time, effort)
         wrong = self.wrong
         if not is_new or not self._is_commanded or not (

@@ -273,7 +273,7 @@ class ControlLoop:
                     publish(answer.effort)
                 if signals.verdict.is_new:
                     wrong = self.drives.take(
-                        1e-9 * signals.verdict.stamp, answer.output,
+                        1e-9 * signals.verdict.stamp, answer.output, signals.candidates[0][0],
                         answer.effort if self.is_heard else None)
                     if wrong is not None:
                         self.end(now, Ending.by(wrong))

@@ -19,8 +19,8 @@ of the rate limit τ̇ of the effort: noise σ of the velocity becomes M D s σ 
 exceeds the changes that the limit permits, the limit acts as a low-pass with the time constant
 s T_n = M D s σ / (0.8 τ̇): 0.8 is the expected change of a slew-limited value with normal noise.
 A measured velocity has more noise than the difference quotient of the positions, or less delay.
-The one with the larger s after the first block of states is used (`choice`); not later, because an
-oscillation looks like noise.
+The one with the larger s after the first BLOCK / 4 states is used (`choice`); not later, because
+an oscillation looks like noise. Until then the quotient is used: no noise acts at full gains.
 
 With a damping ratio of 1, without noise: s = 0.5 rad / (2.06 ω T_d), for 20 rad/s and states at
 125 Hz 0.5 / (41.2 · 12 ms) = 1.0, at 30 Hz 0.49. If s is below 1, M, C and g are those of the
@@ -125,7 +125,7 @@ class StableGains:
         self.noise: FloatArray = np.zeros(n)
         """The standard deviation of the velocity in use (n,)."""
         self.choice = -1
-        """The candidate to use."""
+        """The index of the candidate to use, the last one until the noise is known."""
         self.is_known = False
         """Whether the noise is known."""
         self._rated_period = 0.0
@@ -161,14 +161,14 @@ class StableGains:
                 self.period = max(shorter, period - (period - shorter) / BLOCK)
         is_next = 0.0 < dt < 2.0 * self.period
         block.append([v if is_next else v * math.nan for v, _ in candidates])
-        if len(block) == BLOCK:
+        if len(block) == (BLOCK if self.is_known else BLOCK // 4):
             self._take_noise()
         elif period > 0.0 and self.period <= self._rated_period:
             return False
         return self._set_scale()
 
     def _take_noise(self) -> None:
-        """Average the variance with that of a block of states; choose after the first one."""
+        """Average the variance with that of a block of states; choose after the first block."""
         # The second difference of white noise has 6 times its variance, and little of a motion.
         second = np.diff(np.array(self._block), 2, axis=0)
         second = second[np.isfinite(second).all(axis=(1, 2))]
