@@ -178,7 +178,7 @@ class Gate:
                 left = left | self._contradicts(1e-9 * passed_ns, same & (v == v_before), v)
             q, step = self._continued(
                 passed_ns, q, step, same & (fast | moves & (self._missing_ns > 0)), same & left,
-                same, reference)
+                reference)
         else:
             self._left, self._claimed = None, 0.0 * q
         return self._taken(verdict, 1e-9 * passed_ns, q, v, step)
@@ -211,9 +211,8 @@ class Gate:
 
     def _moves(self, v: FloatArray | None, before: FloatArray | None) -> BoolArray:
         """Return which joints (n,) have no new velocity that is less than half of the last one."""
-        last = self._signals.v
         return ~self._none if v is None or before is None else (
-            (v == before) | (v == 0.0) | (v * last > 0.5 * last**2))
+            (v == before) | (v == 0.0) | (np.abs(v) > 0.5 * np.abs(self._signals.v)))
 
     def _cannot_stand(self) -> BoolArray:
         """Return which joints (n,) were too fast in the last two steps to stand now."""
@@ -246,13 +245,12 @@ class Gate:
 
     def _continued(
         self, passed_ns: int, q: FloatArray, step: FloatArray, missing: BoolArray, left: BoolArray,
-        same: BoolArray, reference: Reference | None,
+        reference: Reference | None,
     ) -> tuple[FloatArray, FloatArray]:
         """
         Return positions and steps (n,) with those of `missing` and `left` joints continued.
 
-        The first step of a joint that is found is also that of its last velocity, or 0 if its
-        position is still the same: it has stopped.
+        The first step of a joint that is found is also that of its last velocity.
         """
         last, dt, was_missing = self._signals, 1e-9 * passed_ns, self._missing_ns > 0
         missing = missing | left
@@ -271,5 +269,5 @@ class Gate:
         v = np.where(lost, decay * last.v, last.v + (
             0.0 if reference is None else dt * reference.acceleration))
         self._signals = last._replace(v=v)
-        step = np.where(missing | was_missing, dt * v * (missing | ~same), step)
+        step = np.where(missing | was_missing, dt * v, step)
         return np.where(missing, last.q + step, q), step

@@ -179,23 +179,6 @@ def test_one_corrupted_velocity_changes_nothing_but_its_sample(
 # --- positions that repeat -----------------------------------------------------------------------
 
 @FEW
-@given(rate=rates, speed=st.floats(0.05, 1.0), sign=signs)
-def test_a_joint_that_its_noisy_velocity_has_shown_to_stand_is_not_missing_again(
-        rate, speed, sign):
-    """A velocity against the motion shows it, although it is large."""
-    one, v = Fed(rate), sign * speed * np.array([0.5, 1.0])
-    one.starts(np.zeros(2))
-    while one.t < 0.3:
-        kept = one.t * v[1]
-        one.signals(one.t * v, v + 1e-6 * one.t)
-    for k in range(30):
-        noisy = v[1] * (1.0 + 0.1 * k) if k else -2.0 * v[1]
-        signals = one.signals(np.array([one.t * v[0], kept]), np.array([v[0], noisy]))
-        assert signals.lost is None
-        assert signals.q[1] == kept
-
-
-@FEW
 @given(rate=rates, speed=st.floats(0.05, 2.0), sign=signs, away=st.floats(0.001, 0.1),
        has_velocity=st.booleans(), silence=st.floats(0.02, 0.4))
 def test_a_joint_that_repeats_in_motion_is_continued_lost_and_found(
