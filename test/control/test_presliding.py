@@ -165,13 +165,15 @@ class FlexibleArm(LockStep):
         n, dt = len(h), STEP / SUBSTEPS
         coupling = np.diag(dt * (self._D + dt * self._K))
         A = np.block([[M + coupling, -coupling], [-coupling, np.diag(ROTORS) + coupling]])
-        inverse = np.linalg.inv(A)
-        for _ in range(SUBSTEPS):  # implicit in the velocities
-            spring = self._K * (self.q - self.q_l)
-            u = inverse @ np.concatenate((
-                M @ self.v_l + dt * (spring - h), ROTORS * self.v + dt * (effort - spring)))
-            self.v_l, self.v = u[:n], u[n:]
-            self.q_l, self.q = self.q_l + dt * self.v_l, self.q + dt * self.v
+        K, R = dt * np.diag(self._K), np.diag(ROTORS)
+        inverse = np.linalg.inv(A)  # implicit in the velocities
+        change = inverse @ np.block([[-K, K, M, np.zeros((n, n))], [K, -K, np.zeros((n, n)), R]])
+        constant = dt * inverse @ np.concatenate((-h, effort))
+        x = np.concatenate((self.q_l, self.q, self.v_l, self.v))
+        for _ in range(SUBSTEPS):
+            u = change @ x + constant
+            x = np.concatenate((x[:2 * n] + dt * u, u))
+        self.q_l, self.q, self.v_l, self.v = np.split(x, 4)
         self.speeds.append(float(np.abs(u).max()))
 
 

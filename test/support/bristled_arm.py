@@ -68,10 +68,15 @@ class BristledArm(LockStep):
         h = self._body.nonlinear(self.q, self.v)
         K, dt = self.coulomb / self._d, STEP / SUBSTEPS
         D = 2.0 * MICRO_DAMPING * np.sqrt(K * np.diag(M))
-        for _ in range(SUBSTEPS):  # implicit in the velocity
-            yields = np.clip(1.0 - np.sign(self.v) * self._z / self._d, 0.0, 2.0)
-            A = M + np.diag(dt * (self.viscous + (D + dt * K) * yields))
-            self.v = np.linalg.solve(A, M @ self.v + dt * (effort - h - K * self._z))
-            yields = np.clip(1.0 - np.sign(self.v) * self._z / self._d, 0.0, 2.0)
-            self._z = np.clip(self._z + dt * self.v * yields, -self._d, self._d)
+        bristle, drive = dt * (D + dt * K), dt * (effort - h)
+        A = M + np.diag(dt * self.viscous)
+        diagonal = np.einsum('ii->i', A)  # a view
+        slides, dK = diagonal.copy(), dt * K
+        for _ in range(SUBSTEPS):  # implicit in the velocity; `yields` is from 0 to 2
+            yields = 1.0 - np.sign(self.v) * self._z / self._d
+            diagonal[:] = slides + bristle * yields
+            self.v = np.linalg.solve(A, M @ self.v + drive - dK * self._z)
+            yields = 1.0 - np.sign(self.v) * self._z / self._d
+            self._z = np.minimum(np.maximum(
+                self._z + dt * self.v * yields, -self._d), self._d)
             self.q = self.q + dt * self.v

@@ -34,7 +34,7 @@ STIFFNESS = np.array([500.0] * 3 + [30.0] * 3)
 """Of the frame [N/m] and [N·m/rad], the default."""
 DIVERGED = 100.0
 """[rad/s] at which a run ends."""
-FINE = 50
+FINE = 20
 """Steps of the plant per ms in contact."""
 
 
@@ -148,7 +148,11 @@ class CartesianArm:
         def depth(q: FloatArray) -> float:
             return max(height - float(n @ self.kinematics.pose(q)[0]), 0.0)
 
-        self.push = lambda q: stiffness * depth(q) * (n @ self.kinematics.jacobian(q)[2][:3])
+        def push(q: FloatArray) -> FloatArray:
+            p, _, J = self.kinematics.jacobian(q)
+            return np.asarray(stiffness * max(height - float(n @ p), 0.0) * (n @ J[:3]))
+
+        self.push = push
         goal = p - 2.0 * DEPTH * n
         self.follow(goal, R)
         start = 0.5 * float(STIFFNESS[:3] @ (goal - p)**2)
