@@ -149,7 +149,7 @@ def test_a_wrong_velocity_is_not_used_until_it_is_right_for_1_s(kind, speed, rat
         assert t < right_at + 3.0 or signals.v.tolist() == v.tolist()
 
 
-@FEW
+@settings(max_examples=12)
 @given(swing=swings, rate=rates, at=st.floats(0.5, 2.0), size=st.floats(1.0, 308.2),
        sign=signs, j=st.sampled_from([[0], [1], [0, 1]]), rests=st.booleans(),
        limit=st.floats(1.0, 6.0))

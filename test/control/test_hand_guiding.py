@@ -68,7 +68,7 @@ def test_a_strong_push_is_braked_and_held_within_the_position_limit(name, rate):
     unit = np.zeros(len(one.q))
     unit[0] = 9.0 * (1.0 if rate > 200.0 else 0.3)
     one.push = lambda t: body.mass_matrix(one.q) @ unit
-    trace = one.run(3.0)
+    trace = one.run(4.0)
     assert np.abs(trace.v[:, 0]).max() < 2.0  # [rad/s]; the default speed limit is 1
     assert (trace.q[:, 0] < arm.limits.upper[0] + 1e-3).all()
     assert one.loop.supervisor.fault_count == 0
@@ -176,7 +176,7 @@ class Released(BristledArm):
 
 
 @pytest.mark.parametrize('seed', [
-    *range(5), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(5, 205))])
+    *range(3), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(3, 205))])
 def test_a_released_arm_gains_no_energy_and_stands_within_a_second(seed):
     one = Released(seed)
     least = one.energy
@@ -214,7 +214,7 @@ def test_an_arm_that_is_released_at_1_rad_s_stops_in_0_6_s(ratio):
         smooth_arm('panda'), Case('panda', 500, 2, 1e-3, ratio), command='hand_guiding')
     body, way = ArmDynamics(one.arm), np.eye(7)[0]
     one.push = lambda t: np.asarray(body.mass_matrix(one.q) @ (40.0 * (way - one.v)))
-    one.run(1.0)
+    one.run(0.4)
     one.push = lambda t: 0.0
     for duration, least, most in ((0.25, 0.5, 1.0), (0.25, 0.1, 0.5), (0.15, -0.01, 0.01)):
         one.run(duration)

@@ -122,7 +122,7 @@ def test_a_joint_that_is_frozen_at_rest_stays_a_fault():
     one.sensor = frozen(1)
     one.run(0.3)
     one.follow(Q + 0.5 * directions(2))
-    trace = one.run(3.5)
+    trace = one.run(2.0)
     supervisor = one.loop.supervisor
     assert supervisor.fault.name == 'frozen_joint'
     assert supervisor.fault_count == 1

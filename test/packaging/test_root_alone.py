@@ -32,13 +32,11 @@ ROOT = Path(__file__).resolve().parents[2]
 REQUIRED = ('numpy', 'pin', 'pyyaml', 'setuptools')
 TEST_TOOLS = ('hypothesis', 'pytest')
 LIBRARY_TESTS = (
-    'control/test_control_law.py', 'control/test_controller.py',
-    'control/test_supervisor.py', 'joints', 'model/test_engines.py', 'model/test_public_input.py',
-    'model/test_rigid_body.py', 'model_check/test_model_check.py', 'monitoring/test_state_age.py',
-    'planar', 'references/test_active_trajectory.py',
-    'references/test_jerk_profile.py', 'simulation/test_arm_simulation.py',
-    'simulation/test_arm_simulation.py', 'task_space', 'trajectories/test_interpolation.py',
-    'trajectories/test_trajectory_efforts.py', 'urdf')
+    'control/test_controller.py', 'joints/test_friction.py', 'model/test_engines.py',
+    'model/test_public_input.py', 'model_check/test_model_check.py',
+    'monitoring/test_state_age.py', 'planar/test_two_link.py', 'references/test_jerk_profile.py',
+    'simulation/test_command_timeout.py', 'task_space', 'trajectories/test_goal_limits.py',
+    'urdf/test_parser.py', 'urdf/test_sample_robots.py')
 """Quick tests of each folder of the library, and those that compare with other libraries."""
 ABSENT = ('scipy', 'mujoco', 'pydrake', 'ruckig', 'example-robot-data')
 """What tests compare with, one of them in each reason to skip."""

@@ -56,7 +56,7 @@ class ExactJoint:
                 self._side = 0.0
             found = self._solve_ivp(
                 slope, (0.0, h), self.state, 'DOP853', events=event, rtol=1e-12, atol=1e-14,
-                max_step=1e-4)
+                max_step=1e-4 if self._e else h)
             h, self.state = h - found.t[-1], found.y[:, -1]
             if found.status == 1:
                 self._side = 0.0 if self._side else self._reach_contact(tau)

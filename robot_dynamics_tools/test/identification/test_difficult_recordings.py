@@ -230,8 +230,8 @@ def test_the_recording_of_another_arm_is_named(urdf, names, odd):
 
 
 @pytest.mark.parametrize(('urdf', 'name', 'is_far'), [
-    ('ur5', 'ur10', True), ('ur10', 'ur5', True), ('ur10', 'ur10', False),
-    ('panda', 'panda', False), ('default', 'default', False)])
+    ('ur5', 'ur10', True), ('ur10', 'ur5', True), ('default', 'default', False), *(
+        pytest.param(name, name, False, marks=pytest.mark.soak) for name in ('ur10', 'panda'))])
 def test_the_urdf_of_another_arm_is_named(urdf, name, is_far):
     (recording,) = identified(urdf, name).recordings
     causes = recording.contradictions
@@ -294,8 +294,8 @@ def test_a_good_joint_is_uncertain_if_its_effort_in_other_poses_is():
 @pytest.mark.parametrize(('size', 'names'), [(1.0, []), (0.08, ['shoulder_lift_joint'])])
 def test_a_small_motion_leaves_other_poses_uncertain(size, names):
     """A recording of one pose says little about the others, however small its residuals are."""
-    arm = load_arm(robot_urdf('ur10'))
-    states = fourier_motion(arm, 125.0, 30.0, 0)
+    arm = shortened('ur10')
+    states = fourier_motion(arm, RATE, 30.0, 0)
     centre = states.q.mean(axis=0)
     states = states._replace(
         q=centre + size * (states.q - centre), v=size * states.v, a=size * states.a)
