@@ -85,11 +85,11 @@ WRONG = {
     'reversed': lambda tau: -tau, 'no effect': lambda tau: 0.0,
     'command scale 0.25': lambda tau: 0.25 * tau, 'command scale 2': lambda tau: 2.0 * tau,
     'command scale 4': lambda tau: 4.0 * tau, 'clipped at': lambda tau: np.clip(tau, -10.0, 10.0)}
+arms = pytest.mark.parametrize(('name', 'rate'), [('ur5', 250.0), ('panda', 1000.0)])
 
 
-@pytest.mark.parametrize('name', ['ur5', 'panda'])
+@arms
 @pytest.mark.parametrize('word', WRONG)
-@pytest.mark.parametrize('rate', [250.0, 1000.0])
 def test_a_wrong_drive_is_named_at_its_joint_only(name, word, rate):
     one = Driven(name, at(J[name], WRONG[word]), rate=rate)
     one.run(0.4)
@@ -168,10 +168,9 @@ def test_right_drives_agree_after_a_motion_and_are_never_accused(name, load):
     assert load > 0.0 or one.words().count('agrees') >= 3
 
 
-@pytest.mark.parametrize('name', ['ur5', 'panda'])
-@pytest.mark.parametrize(('law', 'begin'), [
-    ('computed_torque', 0.5), ('computed_torque', 0.1), ('gravity_compensation', 0.1),
-    ('hand_guiding', 0.2)])
+@pytest.mark.parametrize(('name', 'law', 'begin'), [
+    ('ur5', 'computed_torque', 0.5), ('panda', 'computed_torque', 0.1),
+    ('panda', 'gravity_compensation', 0.1), ('ur5', 'hand_guiding', 0.2)])
 def test_a_push_is_not_a_wrong_drive(name, law, begin):
     one, rng = Driven(name, command=law), np.random.default_rng(1)
     force = 0.15 * one.arm.limits.effort * rng.uniform(-1.0, 1.0, len(one.q))
@@ -259,10 +258,9 @@ def test_no_sample_spans_a_gap():
 
 # --- the end of the command ----------------------------------------------------------------------
 
-@pytest.mark.parametrize('name', ['ur5', 'panda'])
+@arms
 @pytest.mark.parametrize('word', [
     'reversed', 'no effect', 'command scale 0.25', 'command scale 2'])
-@pytest.mark.parametrize('rate', [250.0, 1000.0])
 def test_a_wrong_drive_ends_the_command_before_the_arm_has_moved(name, word, rate):
     one = Driven(name, at(J[name], WRONG[word]), rate=rate)
     while one.loop.drives.wrong is None and one.k < 500:

@@ -227,7 +227,7 @@ NUMBERS = 'std_msgs/msg/Float64MultiArray'
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
     """Return a recording of position drives with a delay of 24 ms and friction."""
-    motion = KnownMotion(seconds=30.0, rest=0.6)
+    motion = KnownMotion(seconds=15.0, rest=0.6)
     needed = motion.q + (motion.tau + 4.0 * motion.v + 0.5 * np.tanh(motion.v / 0.02)) / STIFFNESS
     states, sent = motion.stamps_ns, motion.stamps_ns - 24_000_000
     return write_topics(tmp_path_factory.mktemp('servo') / 'bag', {
