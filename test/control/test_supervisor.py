@@ -292,7 +292,6 @@ def braking(**options: Any) -> CommandSupervisor:
     one = running(PUSH, end_action='ramp_to_zero', **options)
     one.end(START, RELEASE)
     assert one.mode is Mode.BRAKING
-    assert one.mode is Mode.BRAKING
     assert one.is_commanding
     return one
 

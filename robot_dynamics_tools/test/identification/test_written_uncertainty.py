@@ -52,7 +52,7 @@ def loaded(found, values):
 @pytest.fixture(scope='module')
 def cases():
     states = fourier_motion(ARM, 100.0, 30.0)
-    return [identified(seed, states) for seed in range(4)]
+    return [identified(seed, states) for seed in range(3)]
 
 
 def test_errors_at_new_states_agree_with_the_deviations(cases):
@@ -146,7 +146,7 @@ def test_the_file_has_the_uncertainty_in_full(cases, tmp_path):
 
 def test_what_is_not_excited_has_the_deviation_of_the_urdf():
     # joint2 is at rest: its inertia and friction are unknown, its gravity is not
-    states = fourier_motion(ARM, 100.0, 30.0)
+    states = fourier_motion(ARM, 100.0, 20.0)
     moves = np.array([1.0, 0.0])
     found, values = identified(0, states._replace(
         q=states.q * moves, v=states.v * moves, a=states.a * moves))

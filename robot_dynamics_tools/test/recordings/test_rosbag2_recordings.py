@@ -22,7 +22,7 @@ import yaml  # noqa: E402
 
 CONVERTED = ('mcap_chunks_zstd', 'mcap_split_zstd', 'sqlite3_zstd')
 """Conversions of the recording `sqlite3_lock_step`."""
-ALL = (*MADE, 'mcap', 'sqlite3_lock_step', *CONVERTED)
+ALL = ('made_sqlite3', 'mcap', 'sqlite3_lock_step', *CONVERTED)
 ORIGINAL = {
     **{name: 'made_sqlite3' for name in MADE if name != 'made_sqlite3'},
     **dict.fromkeys(CONVERTED, 'sqlite3_lock_step')}

@@ -43,7 +43,7 @@ def recording_path(name, directory):
         return ROSBAG2 / name
     path = directory / name
     if not path.exists():
-        write_topics(path, KnownMotion().loop_topics(), MADE[name])
+        write_topics(path, KnownMotion(seconds=6.0).loop_topics(), MADE[name])
     return path
 
 
