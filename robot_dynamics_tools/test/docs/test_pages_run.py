@@ -119,7 +119,7 @@ def test_the_tutorial(tmp_path):
     assert gains in page
     page = page.replace(gains, f'{gains}    state_timeout: 60.0\n    state_max_age: 0.0\n')
     printed = [each for section in page.split('\n## ')  # each ends its nodes
-               for each in run_page(section, tmp_path, NO_STATUSES, '-p', 'rate:=200.0')]
+               for each in run_page(section, tmp_path, NO_STATUSES, '-p', 'rate:=125.0')]
     assert table_headings(page) <= table_headings('\n'.join(out for _, out in printed))
     used = {started_by(command) for command in files_and_commands(page)[1]}
     assert used >= {
