@@ -68,7 +68,7 @@ def test_a_strong_push_is_braked_and_held_within_the_position_limit(name, rate):
     unit = np.zeros(len(one.q))
     unit[0] = 9.0 * (1.0 if rate > 200.0 else 0.3)
     one.push = lambda t: body.mass_matrix(one.q) @ unit
-    trace = one.run(4.0)
+    trace = one.run(3.0)
     assert np.abs(trace.v[:, 0]).max() < 2.0  # [rad/s]; the default speed limit is 1
     assert (trace.q[:, 0] < arm.limits.upper[0] + 1e-3).all()
     assert one.loop.supervisor.fault_count == 0
