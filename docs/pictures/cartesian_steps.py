@@ -13,7 +13,10 @@ import sys
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control import ControlLaw, LawInput
 from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.task_space.frame_kinematics import FrameKinematics, last_link, rotation_vector
 from robot_dynamics_tools.reporting.figures import (
     BLUE,
     GREEN,
@@ -25,7 +28,8 @@ from robot_dynamics_tools.reporting.figures import (
 )
 
 sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'support'))
-from cartesian_arm import CartesianArm, ROBOTS  # noqa: E402
+from cartesian_arm import CartesianArm, ROBOTS, STIFFNESS  # noqa: E402
+from lock_step_loop import smooth_arm  # noqa: E402
 
 CONDITIONS = ((1000, 0), (250, 8))
 """Rate of the joint states [Hz], and delay of the efforts [ms]."""
@@ -35,6 +39,28 @@ FORCE, PULSE = 20.0, 0.3
 """Of a push [N], [s]."""
 MOTIONS = ('step of 5 cm', 'step of 0.3 rad', 'push of 20 N for 0.3 s')
 LIMITS = ((-0.1, 1.4), (-0.1, 1.4), (-0.05, 0.08))
+
+
+class UnitMass(ControlLaw):
+    """
+    The same spring with the damping D = 2√K, which is critical for a mass of 1 kg.
+
+    The posture has 5 N·m/rad in the null space, and its damping 2√5. Nothing scales the gains.
+    """
+
+    def __init__(self, arm: ArmModel) -> None:
+        self._K, self._kinematics = STIFFNESS, FrameKinematics(arm, last_link(arm))
+
+    def effort(self, state: LawInput) -> FloatArray:
+        """Return C q̇ + g + Jᵀ (K e − D J q̇), and the effort of the posture."""
+        e_q, body = state.position_error, state.dynamics.rigid_body
+        p_ref, R_ref = self._kinematics.pose(state.q + e_q)
+        p, R, J = self._kinematics.jacobian(state.q)
+        e = np.concatenate([p_ref - p, rotation_vector(R_ref @ R.T)])
+        posture = 5.0 * e_q - 2.0 * np.sqrt(5.0) * state.v
+        N = np.eye(len(e_q)) - np.linalg.pinv(J) @ J
+        return body.nonlinear(state.q, state.v) + N @ posture + J.T @ (
+            self._K * e - 2.0 * np.sqrt(self._K) * (J @ state.v))
 
 
 def run(arm: CartesianArm, motion: str) -> FloatArray:
@@ -54,7 +80,8 @@ def main(directory: Path) -> None:
                 for robot, color in COLORS.items():
                     for unit_mass, style in ((True, ':'), (False, '-')):
                         try:
-                            way = run(CartesianArm(robot, rate, delay, True, unit_mass), motion)
+                            law = UnitMass(smooth_arm(robot)) if unit_mass else None
+                            way = run(CartesianArm(robot, rate, delay, True, law), motion)
                         except RobotDynamicsError:  # it has diverged
                             continue
                         axes.plot(

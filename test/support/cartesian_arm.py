@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control import ControlLaw, Controller, LawInput, make_gains
+from robot_dynamics.control import ControlLaw, Controller, make_gains
 from robot_dynamics.control.options import ControllerOptions, default_effort_rates
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
@@ -44,43 +44,20 @@ def rotored(arm: ArmModel, least: float = 0.0) -> ArmModel:
     return arm.with_reflected_inertia(np.maximum(ROTORS * limit, least))
 
 
-class UnitMass(ControlLaw):
-    """
-    The same spring with the damping D = 2√K, which is critical for a mass of 1 kg.
-
-    The posture has 5 N·m/rad in the null space, and its damping 2√5. Nothing scales the gains.
-    """
-
-    def __init__(self, kinematics: FrameKinematics) -> None:
-        self._K, self._kinematics = STIFFNESS, kinematics
-
-    def effort(self, state: LawInput) -> FloatArray:
-        """Return C q̇ + g + Jᵀ (K e − D J q̇), and the effort of the posture."""
-        e_q, body = state.position_error, state.dynamics.rigid_body
-        p_ref, R_ref = self._kinematics.pose(state.q + e_q)
-        p, R, J = self._kinematics.jacobian(state.q)
-        e = np.concatenate([p_ref - p, rotation_vector(R_ref @ R.T)])
-        posture = 5.0 * e_q - 2.0 * np.sqrt(5.0) * state.v
-        N = np.eye(len(e_q)) - np.linalg.pinv(J) @ J
-        return body.nonlinear(state.q, state.v) + N @ posture + J.T @ (
-            self._K * e - 2.0 * np.sqrt(self._K) * (J @ state.v))
-
-
 class CartesianArm:
     """An arm without friction, with states at a rate [Hz] and efforts `delay` [ms] late."""
 
     def __init__(
-        self, robot: str, rate: int, delay: int, rotors: bool, unit_mass: bool = False,
+        self, robot: str, rate: int, delay: int, rotors: bool, law: ControlLaw | None = None,
     ) -> None:
-        """With `unit_mass` under the law `UnitMass`."""
+        """`law` replaces that of the command."""
         arm = smooth_arm(robot)
         self.arm = rotored(arm) if rotors else arm
         self.kinematics = FrameKinematics(self.arm, last_link(self.arm))
         self.body = UncheckedArmDynamics(self.arm).rigid_body
         self.controller = Controller(self.arm, ControllerOptions(
             make_gains(arm.joint_names), command='cartesian_impedance', scales_gains=True,
-            stops_and_holds=True, effort_rate=default_effort_rates(arm)),
-            law=UnitMass(FrameKinematics(arm, last_link(arm))) if unit_mass else None)
+            stops_and_holds=True, effort_rate=default_effort_rates(arm)), law=law)
         self.q = np.array(POSES.get(robot, middle(arm)))
         self.v = np.zeros_like(self.q)
         self._period, self._delay, self._k = round(1e3 / rate), delay, 0
