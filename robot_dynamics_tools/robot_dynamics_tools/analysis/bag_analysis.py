@@ -155,8 +155,7 @@ def analyze_recording(
     on_step('read')
     motion = filter_motion(read.series, settings.cutoff_hz)
     on_step('filtered')
-    terms = model_terms(
-        ArmDynamics(read.arm), motion.position, motion.velocity, motion.acceleration)
+    terms = model_terms(ArmDynamics(read.arm), *motion.state())
     measured, remark = joint_effort(motion, terms.gravity, read.arm, settings.parameters)
     usable = motion.usable
     if not usable.any():

@@ -221,7 +221,7 @@ class _Test:
             v, *(np.tanh(v / width) for width in _WIDTHS), load * np.tanh(v / _WIDTHS[1]),
             *(presliding_state(motion.position, v, np.full(n, d)) for d in _DISTANCES)], axis=2)
         sliding = filter_like(motion, sliding.reshape(len(v), -1)).reshape(sliding.shape)
-        q, v, a = (each[rows] for each in (motion.position, v, motion.acceleration))
+        q, v, a = motion.state(rows)
         Y = TorqueRegressor(arm)(q, v, a)
         self.times = np.quantile(t[rows], _SPLITS)
         own = np.concatenate([a[:, :, np.newaxis], np.ones((*a.shape, 1)), sliding[rows]], axis=2)
