@@ -47,7 +47,7 @@ QUICK = {**STEADY, 'hold_time': 0.3, 'ramp_time': 0.1}
 NANOSECONDS = 1_000_000_000
 LONGEST_STEP = 0.05
 """[s]: a command may differ from the last one by the rate limit times this time, at most."""
-NOISE = 1e-13
+NOISE = 1e-14
 """[rad] of the measured positions: a joint whose sample repeats while it must move is a fault."""
 
 Change = Callable[[JointState], JointState | None]
