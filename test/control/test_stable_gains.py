@@ -182,9 +182,10 @@ def test_positions_give_the_velocity_if_the_measured_one_is_too_noisy(sigma, cho
     M, rng, v = 0.2 * np.eye(2), np.random.default_rng(3), np.zeros(2)
     loop = loop_gains(lambda M: (400.0 * np.eye(2), 40.0 * np.eye(2)), [M])
     one = stable(loop, 10.0)
-    for k in range(200):
-        noise = sigma if k < 100 else 1.0  # later it may be an oscillation
+    for k in range(1200):
+        noise = sigma if k < 100 else float(k < 200)  # later it may be an oscillation
         one.take(FAST if k else 0.0, ((noise * rng.normal(size=2), 0.0), (v, 0.004)))
-        assert one.choice == (choice if k >= 7 else -1)
+        assert one.choice == (-1 if k < 7 else choice) or k > 200
         if 32 < k < 100:
             assert one.least == pytest.approx(least, abs=0.02)
+    assert one.choice == 0

@@ -19,8 +19,9 @@ of the rate limit τ̇ of the effort: noise σ of the velocity becomes M D s σ 
 exceeds the changes that the limit permits, the limit acts as a low-pass with the time constant
 s T_n = M D s σ / (0.8 τ̇): 0.8 is the expected change of a slew-limited value with normal noise.
 A measured velocity has more noise than the difference quotient of the positions, or less delay.
-The one with the larger s after the first BLOCK / 4 states is used (`choice`); not later, because
-an oscillation looks like noise. Until then the quotient is used: no noise acts at full gains.
+The one with the larger s is used (`choice`): the quotient until the noise is known, after
+BLOCK / 4 states, so that no noise acts at full gains, and as long as it permits more. The measured
+one is not left again, because an oscillation looks like noise.
 
 With a damping ratio of 1, without noise: s = 0.5 rad / (2.06 ω T_d), for 20 rad/s and states at
 125 Hz 0.5 / (41.2 · 12 ms) = 1.0, at 30 Hz 0.49. If s is below 1, M, C and g are those of the
@@ -168,17 +169,17 @@ class StableGains:
         return self._set_scale()
 
     def _take_noise(self) -> None:
-        """Average the variance with that of a block of states; choose after the first block."""
+        """Average the variance with that of a block of states; choose a candidate."""
         # The second difference of white noise has 6 times its variance, and little of a motion.
         second = np.diff(np.array(self._block), 2, axis=0)
         second = second[np.isfinite(second).all(axis=(1, 2))]
         if len(second):
             variance = (second * second).mean(axis=0) / 6.0
             before = self._noises**2 if self.is_known else variance
-            self._noises = np.sqrt(0.5 * (before + variance))
-            if not self.is_known:
+            self._noises, self.is_known = np.sqrt(0.5 * (before + variance)), True
+            if self.choice != 0:
                 least = [self._scale_with(k).min(initial=1.0) for k in range(len(variance))]
-                self.choice, self.is_known = least.index(max(least)), True
+                self.choice = least.index(max(least))
         self._block.clear()
 
     def __str__(self) -> str:

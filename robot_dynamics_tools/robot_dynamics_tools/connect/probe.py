@@ -222,18 +222,19 @@ class Probes:
         it has moved they are work by way, in which no torque counts while the joint sticks.
         """
         watch, limits, name = self._watch, self._arm.limits, self._arm.joint_names[j]
-        began, goal = watch.measured()[j], start.copy()
+        began, goal, k = watch.measured()[j], start.copy(), first
         self._torque.clear()
         self._states.clear()
-        effort = abs(step) * self._stiffness.get(name, np.inf)  # per step
-        most = min(REACH, math.ceil(FRICTION * limits.effort[j] / max(effort, 1e-9)))
-        for k in range(first, max(first, most) + 1):
+        while True:
             goal[j] = np.clip(start[j] + k * step, limits.lower[j], limits.upper[j])
             watch.wait_taken(goal.tolist(), partial(publish, goal.tolist(), MOVE_TIME))
             watch.wait_end(goal.tolist(), lambda _: None)
             watch.wait_rest()
-            if (watch.measured()[j] - began) * np.sign(step) > 0.5 * abs(step):
+            effort = abs(step) * self._stiffness.get(name, np.inf)  # per step, of the gains now
+            if (watch.measured()[j] - began) * np.sign(step) > 0.5 * abs(step) or k >= min(
+                    REACH, math.ceil(FRICTION * limits.effort[j] / max(effort, 1e-9))):
                 break
+            k += 1
         stamps = sorted(self._torque.keys() & self._states.keys())
         if len(stamps) < 2:
             raise NoAnswerError(f'no message on {NODE}/computed_torque during the motion')
