@@ -13,8 +13,7 @@ period of the states if that is longer: v = (q_k − q_j) / (t_k − t_j) with t
 is late by half of this span (P. R. Bélanger, "Estimation of angular velocity and acceleration from
 shaft encoder measurements", IEEE Int. Conf. Robotics and Automation, 1992). No velocity can
 therefore drive an arm away, and a wrong judgement costs only bandwidth. If the measured velocities
-are so noisy that d permits a higher bandwidth, d is used for all joints, and until that is known
-(`gain_scaling`).
+are so noisy that d permits a higher bandwidth, d is used for all joints (`gain_scaling`).
 
 A joint does not stop between two samples: at a constant deceleration, its last step is at most a
 third of the step before. If its position repeats bit by bit although its last two steps, of more
@@ -92,7 +91,7 @@ class Gate:
         `wraps` (n,) marks the continuous joints: their positions may jump by a turn. `reference`
         returns the reference, or None. `is_held` returns at which joints (n,) friction can hold an
         arm at q (n,) with a position error (n,). `is_commanded` returns whether a command moves or
-        holds the arm. `choice` returns 0 for the measured velocity, 1 or −1 for that of the
+        holds the arm. `choice` returns 0 for the measured velocity, 1 for that of the
         positions.
         """
         self.plausibility = StatePlausibility(joint_names, velocity_limit, max_age, wraps)

@@ -95,8 +95,7 @@ class ControlLoop:
         self.gate = Gate(
             arm.joint_names, arm.is_continuous, arm.limits.velocity, DEFAULT_STATE_MAX_AGE,
             lambda: controller.reference, partial(is_held, controller),
-            lambda: self.supervisor.limiter.last is not None,
-            lambda: controller.gains.choice if controller.options.scales_gains else 0)
+            lambda: self.supervisor.limiter.last is not None, lambda: controller.gains.choice)
         self.supervisor = CommandSupervisor(arm.joint_names, limits, safety)
         self.gate.plausibility.is_lock_step = safety.is_lock_step
         if before is not None:

@@ -185,7 +185,7 @@ def test_positions_give_the_velocity_if_the_measured_one_is_too_noisy(sigma, cho
     for k in range(1200):
         noise = sigma if k < 100 else float(k < 200)  # later it may be an oscillation
         one.take(FAST if k else 0.0, ((noise * rng.normal(size=2), 0.0), (v, 0.004)))
-        assert one.choice == (-1 if k < 7 else choice) or k > 200
+        assert one.choice == (0 if k < 7 else choice) or k > 200
         if 32 < k < 100:
             assert one.least == pytest.approx(least, abs=0.02)
     assert one.choice == 0

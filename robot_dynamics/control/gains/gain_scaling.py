@@ -19,9 +19,8 @@ of the rate limit τ̇ of the effort: noise σ of the velocity becomes M D s σ 
 exceeds the changes that the limit permits, the limit acts as a low-pass with the time constant
 s T_n = M D s σ / (0.8 τ̇): 0.8 is the expected change of a slew-limited value with normal noise.
 A measured velocity has more noise than the difference quotient of the positions, or less delay.
-The one with the larger s is used (`choice`): the quotient until the noise is known, after
-BLOCK / 4 states, so that no noise acts at full gains, and as long as it permits more. The measured
-one is not left again, because an oscillation looks like noise.
+The quotient is used (`choice`) if it has the larger s after the first BLOCK / 4 states, and as
+long as it has. The measured one is not left later, because an oscillation looks like noise.
 
 With a damping ratio of 1, without noise: s = 0.5 rad / (2.06 ω T_d), for 20 rad/s and states at
 125 Hz 0.5 / (41.2 · 12 ms) = 1.0, at 30 Hz 0.49. If s is below 1, M, C and g are those of the
@@ -125,8 +124,8 @@ class StableGains:
         """[s] between the states, the shorter of two intervals: a single long one is a gap."""
         self.noise: FloatArray = np.zeros(n)
         """The standard deviation of the velocity in use (n,)."""
-        self.choice = -1
-        """The index of the candidate to use, the last one until the noise is known."""
+        self.choice = 0
+        """The index of the candidate to use."""
         self.is_known = False
         """Whether the noise is known."""
         self._rated_period = 0.0
@@ -176,10 +175,10 @@ class StableGains:
         if len(second):
             variance = (second * second).mean(axis=0) / 6.0
             before = self._noises**2 if self.is_known else variance
-            self._noises, self.is_known = np.sqrt(0.5 * (before + variance)), True
-            if self.choice != 0:
+            self._noises = np.sqrt(0.5 * (before + variance))
+            if self.choice or not self.is_known:
                 least = [self._scale_with(k).min(initial=1.0) for k in range(len(variance))]
-                self.choice = least.index(max(least))
+                self.choice, self.is_known = least.index(max(least)), True
         self._block.clear()
 
     def __str__(self) -> str:
