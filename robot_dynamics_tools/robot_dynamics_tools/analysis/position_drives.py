@@ -116,7 +116,8 @@ def _delay(
     except (InvalidInputError, RecordingError):  # too short
         return 0.0
     motion = motions[0][1]
-    q, v, a = motion.state(motion.usable)
+    q, v, a = (each[motion.usable] for each in (
+        motion.position, motion.velocity, motion.acceleration))
     if np.abs(v).max(initial=0.0) < LEAST_SPEED:
         return 0.0
     model = RigidBody(arm).inverse_dynamics_batch(q, v, a)

@@ -10,7 +10,6 @@ and a word for the quantity, in any order, such as `joint1.position [rad]`, `q_j
 names; the command (`action`) is another topic.
 """
 
-from contextlib import AbstractContextManager
 import csv
 import json
 from pathlib import Path
@@ -51,7 +50,7 @@ class Table(NamedTuple):
     notes: tuple[str, ...]
 
 
-class TableRecording(AbstractContextManager['TableRecording']):
+class TableRecording:
     """The joint states of a table, with the methods of `Recording` that reading them needs."""
 
     def __init__(self, path: Path, columns: tuple[tuple[str, str], ...] = ()) -> None:
@@ -64,6 +63,9 @@ class TableRecording(AbstractContextManager['TableRecording']):
         self.path = path
         table = read_dataset(path) if path.is_dir() else read_csv(path, columns)
         self.notes, self._table = list(table.notes), table
+
+    def __enter__(self) -> 'TableRecording':
+        return self
 
     def __exit__(self, *_: object) -> None:
         pass

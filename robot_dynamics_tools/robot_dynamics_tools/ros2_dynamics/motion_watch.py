@@ -4,7 +4,7 @@
 """Publication of a goal, and waits until the node has accepted it and until the arm rests."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 import json
 import math
 import time
@@ -61,13 +61,15 @@ class MotionWatch:
         self._status = ''
         self._last_reference = time.monotonic()
 
-    def following(self) -> AbstractContextManager[None]:
+    @contextmanager
+    def following(self) -> Iterator[None]:
         """Receive in `with`."""
         client = self.client
-        return client.subscribed(
-            (JointState, client.joint_state_topic(), self.on_state, qos_profile_sensor_data),
-            (JointState, client.resolve('~/reference'), self._on_reference, _NEWEST),
-            (DiagnosticArray, '/diagnostics', self._on_diagnostics, _RELIABLE))
+        with client.subscribed(
+                (JointState, client.joint_state_topic(), self.on_state, qos_profile_sensor_data),
+                (JointState, client.resolve('~/reference'), self._on_reference, _NEWEST),
+                (DiagnosticArray, '/diagnostics', self._on_diagnostics, _RELIABLE)):
+            yield
 
     def on_state(self, message: JointState) -> None:
         self.position |= {
