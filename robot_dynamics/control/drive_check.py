@@ -140,8 +140,8 @@ class DriveCheck:
         """
         Take a state and the effort (n,) commanded for it; return the fault of a wrong drive.
 
-        `time` [s] is that of the states, v (n,) the earliest velocity. `effort` is None without a
-        command.
+        `time` [s] is that of the states, v (n,) the velocity with less delay. `effort` is None
+        without a command.
         """
         samples = self.samples
         if effort is None:
