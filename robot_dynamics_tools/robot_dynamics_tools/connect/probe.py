@@ -13,7 +13,6 @@ from contextlib import contextmanager
 from functools import partial
 from itertools import zip_longest
 import json
-import math
 from pathlib import Path
 import re
 import sys
@@ -219,9 +218,10 @@ class Probes:
         Move the reference of joint j from `start` (n,) by steps, at first `first`, until it moves.
 
         Return torque, g(q) and reported effort of the joint, and how far it is from its start. If
-        it has moved they are work by way, in which no torque counts while the joint sticks.
+        it has moved they are work by way, in which no torque counts while the joint sticks. The
+        torque between two states answers the state before them: it needs a period to act.
         """
-        watch, limits, name = self._watch, self._arm.limits, self._arm.joint_names[j]
+        watch, limits = self._watch, self._arm.limits
         began, goal, k = watch.measured()[j], start.copy(), first
         self._torque.clear()
         self._states.clear()
@@ -230,25 +230,28 @@ class Probes:
             watch.wait_taken(goal.tolist(), partial(publish, goal.tolist(), MOVE_TIME))
             watch.wait_end(goal.tolist(), lambda _: None)
             watch.wait_rest()
-            effort = abs(step) * self._stiffness.get(name, np.inf)  # per step, of the gains now
-            if (watch.measured()[j] - began) * np.sign(step) > 0.5 * abs(step) or k >= min(
-                    REACH, math.ceil(FRICTION * limits.effort[j] / max(effort, 1e-9))):
+            tau, g, effort, q = self._of_joint(j)
+            is_moved = (watch.measured()[j] - began) * np.sign(step) > 0.5 * abs(step)
+            feedback = (tau[-1] - g[-1]) * np.sign(step)
+            if is_moved or k >= REACH or feedback >= FRICTION * limits.effort[j]:
                 break
             k += 1
-        stamps = sorted(self._torque.keys() & self._states.keys())
-        if len(stamps) < 2:
-            raise NoAnswerError(f'no message on {NODE}/computed_torque during the motion')
-        along = np.array([self._of_joint(stamp, j) for stamp in stamps])
-        passed, values = np.diff(along[:, 3]), 0.5 * (along[1:, :3] + along[:-1, :3])
+        passed = np.diff(q)[1:]
+        values = np.stack([tau[:-2], 0.5 * (g[1:-1] + g[2:]), 0.5 * (effort[1:-1] + effort[2:])])
         is_moved = abs(passed.sum()) > 0.25 * abs(step)
-        mean = passed @ values / passed.sum() if is_moved else values[-10:].mean(axis=0)
+        mean = values @ passed / passed.sum() if is_moved else values[:, -10:].mean(axis=1)
         return mean, abs(watch.measured()[j] - start[j])
 
-    def _of_joint(self, stamp: int, j: int) -> tuple[float, ...]:
-        """Return torque, g(q), reported effort and position of joint j at a stamp."""
-        q, effort = self._states[stamp]
-        return (self._torque[stamp][j], self._body.gravity(q)[j],
-                self._arm.given_report.torque(effort)[j], q[j])
+    def _of_joint(self, j: int) -> FloatArray:
+        """Return torque, g(q), reported effort and position of joint j (4, N), in N states."""
+        stamps = sorted(self._torque.keys() & self._states.keys())
+        if len(stamps) < 3:
+            raise NoAnswerError(f'no message on {NODE}/computed_torque during the motion')
+        q, effort = np.moveaxis(np.array([self._states[stamp] for stamp in stamps]), 1, 0)
+        return np.stack([
+            [self._torque[stamp][j] for stamp in stamps],
+            [self._body.gravity(x)[j] for x in q],
+            [self._arm.given_report.torque(x)[j] for x in effort], q[:, j]])
 
     def _on_state(self, message: JointState) -> None:
         """Keep the positions and efforts (2, n) of a stamp."""

@@ -68,21 +68,19 @@ def test_a_right_arm_moves_no_more_than_the_probes(options, capsys, tmp_path):
 
 def test_joints_that_friction_holds_are_pushed_until_they_move(options, capsys, tmp_path):
     friction = [9.0, 3.6]  # 6 % of the limits, more than the stiffness times 0.02 rad
-    for _ in range(3):  # a busy machine gives too few samples of a joint that breaks away
-        with arm(friction), RosClient() as client, client.collect(
-                JointState, '/joint_states', BEST_EFFORT) as states:
-            assert main([*options, '--force']) == 0
-            moved = np.abs([np.subtract(state.position, START) for state in states.messages])
-        out = capsys.readouterr().out
-        if 'check    probe of' not in out:
-            break
+    with arm(friction), RosClient() as client, client.collect(
+            JointState, '/joint_states', BEST_EFFORT) as states:
+        assert main(options) == 0
+        moved = np.abs([np.subtract(state.position, START) for state in states.messages])
+    out = capsys.readouterr().out
     assert 'check    probe of' not in out
     far = moved.max(axis=0)
     assert (far > 0.009).all()
     assert (far < 0.1).all()  # a busy machine lowers the gains, and the reference goes further
     found = read_parameter_file(tmp_path / 'my.yaml')
     assert found['command'] == 'computed_torque', out
-    assert found['friction.coulomb'] == pytest.approx(friction, rel=0.25), out
+    near = 0.5 if 'check    rate' in out else 0.25  # beside gaps, the work is less sure
+    assert found['friction.coulomb'] == pytest.approx(friction, rel=near), out
 
 
 def test_ctrl_c_stops_the_arm(options, tmp_path):
