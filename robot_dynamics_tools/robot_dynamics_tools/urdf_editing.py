@@ -35,8 +35,12 @@ def with_elements(
             text = inertials[link.getAttribute('name')]
             _insert_first(document, link, minidom.parseString(text).documentElement)
     for joint in _children(robot, 'joint'):
-        for tag, values in (('dynamics', dynamics), ('limit', limits or {})):
-            _set(document, joint, tag, values.get(joint.getAttribute('name'), {}))
+        for tag, by_joint in (('dynamics', dynamics), ('limit', limits or {})):
+            values = by_joint.get(joint.getAttribute('name'), {})
+            if values and not _children(joint, tag):
+                _insert_first(document, joint, document.createElement(tag))
+            for name, value in values.items():
+                _children(joint, tag)[0].setAttribute(name, value)
     return _text(document)
 
 
@@ -52,16 +56,6 @@ def with_continuous_joints(urdf: str) -> tuple[str, list[str]]:
     for joint in joints:
         joint.setAttribute('type', 'continuous')
     return _text(document) if joints else urdf, [joint.getAttribute('name') for joint in joints]
-
-
-def _set(
-    document: minidom.Document, joint: Any, tag: str, values: Mapping[str, str],
-) -> None:
-    """Set attributes of the element `tag` of a joint, which is made if it is missing."""
-    if values and not _children(joint, tag):
-        _insert_first(document, joint, document.createElement(tag))
-    for name, value in values.items():
-        _children(joint, tag)[0].setAttribute(name, value)
 
 
 def _parsed(urdf: str) -> minidom.Document:

@@ -3,7 +3,7 @@
 
 """YAML files as the tools write them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from robot_dynamics.dependencies import optional
@@ -29,3 +29,8 @@ def dump_yaml(document: Mapping[str, Any], comments: Sequence[str], purpose: str
         'tag:yaml.org,2002:str', value, style='|' if '\n' in value else None))
     return ''.join(f'# {comment}'.rstrip() + '\n' for comment in comments) + str(yaml.dump(
         document, Dumper=Dumper, sort_keys=False, width=_WIDTH, allow_unicode=True))
+
+
+def rounded(values: Iterable[float], digits: int = 9) -> list[float]:
+    """Return numbers as they are written, with this number of significant digits."""
+    return [float(f'{value:.{digits}g}') for value in values]

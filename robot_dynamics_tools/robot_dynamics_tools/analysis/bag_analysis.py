@@ -155,9 +155,8 @@ def analyze_recording(
     on_step('read')
     motion = filter_motion(read.series, settings.cutoff_hz)
     on_step('filtered')
-    terms = model_terms(
-        ArmDynamics(read.arm), motion.position, motion.velocity, motion.acceleration)
-    measured, remark = joint_effort(motion, terms.gravity, read.arm, settings.parameters)
+    terms = model_terms(ArmDynamics(read.arm), *motion.state())
+    measured, remark = joint_effort(motion.effort, terms.gravity, read.arm, settings.parameters)
     usable = motion.usable
     if not usable.any():
         raise RecordingError(
@@ -173,15 +172,17 @@ def analyze_recording(
 
 
 def joint_effort(
-    motion: FilteredMotion, gravity: FloatArray, arm: ArmModel, parameters: Mapping[str, object],
+    recorded: FloatArray | None, gravity: FloatArray, arm: ArmModel,
+    parameters: Mapping[str, object],
 ) -> tuple[FloatArray | None, str]:
     """Return the measured effort on the joint side, with gravity, and a remark on the method."""
     convention = convention_from_parameters(parameters)
     kind = convention.measured_effort
-    if motion.effort is None or kind == 'none':
-        return None, '' if motion.effort is None else (
-            "measured_effort is 'none': the recorded effort is not compared")
-    effort, remarks = joint_effort_at_rest(kind, motion.effort, arm.actuators), []
+    if recorded is None:
+        return None, ''
+    if kind == 'none':
+        return None, "measured_effort is 'none': the recorded effort is not compared"
+    effort, remarks = joint_effort_at_rest(kind, recorded, arm.actuators), []
     if kind in MOTOR_SIDE:
         remarks.append(f'measured_effort is {kind!r}: converted by torque constant and gear ratio')
     if convention.lacks_gravity:
@@ -199,11 +200,10 @@ def with_joint_effort(
 ) -> tuple[FilteredMotion, str]:
     """Return a motion with `joint_effort`, and a remark; raise RecordingError without effort."""
     gravity = RigidBody(arm).gravity_batch(motion.position)
-    found, remark = joint_effort(motion, gravity, arm, parameters)
+    found, remark = joint_effort(motion.effort, gravity, arm, parameters)
     if found is None:
         raise RecordingError('the recording has no effort, expected the measured effort')
-    recorded, _ = joint_effort(
-        replace(motion, effort=motion.recorded_effort), gravity, arm, parameters)
+    recorded, _ = joint_effort(motion.recorded_effort, gravity, arm, parameters)
     return replace(motion, effort=found, recorded_effort=recorded), remark
 
 

@@ -31,17 +31,16 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.effort_convention import joint_from_measured
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.monitoring.contact_levels import ContactLevels
-from robot_dynamics.monitoring.external_effort import ExternalEffort
+from robot_dynamics.monitoring.external_effort import ExternalEffort, joint_effort
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_for_arm
 from robot_dynamics_tools.monitoring.contact_detector import SEPARATION
 from robot_dynamics_tools.recordings.joint_series import JointSeries
-from robot_dynamics_tools.yaml_output import dump_yaml
+from robot_dynamics_tools.yaml_output import dump_yaml, rounded
 
 ALARMS_PER_HOUR = 1.0
 """Promised rate of false alarms of all joints together."""
@@ -195,9 +194,7 @@ def external_efforts(
         observer.restart()
         times = series.times[stretch]
         for i, t, dt in zip(stretch, times - times[0], np.diff(times, prepend=times[0])):
-            effort = arm.given_report.torque(joint_from_measured(
-                convention.measured_effort, measured[i], v[i], body.gravity(q[i]),
-                arm.actuators))
+            effort = joint_effort(arm, convention, measured[i], v[i], body.gravity(q[i]))
             r = observer.update(float(dt), q[i], v[i], effort)
             if r is not None and t >= 5.0 / observer.gain:
                 rows.append(int(i))
@@ -207,13 +204,10 @@ def external_efforts(
 
 def parameter_text(found: LearnedLevels, joints: Sequence[str], alarms_per_hour: float) -> str:
     """Return the parameter file of the levels for `dynamics_node`."""
-    def rounded(values: FloatArray) -> list[float]:
-        return [float(f'{value:.{_DIGITS}g}') for value in values]
-
     return dump_yaml({'/**/dynamics': {'ros__parameters': {
         'joints': list(joints), 'contact': {
-            'effort': rounded(found.levels.effort),
-            'effort_per_velocity': rounded(found.levels.per_velocity)}}}}, (
+            'effort': rounded(found.levels.effort, _DIGITS),
+            'effort_per_velocity': rounded(found.levels.per_velocity, _DIGITS)}}}}, (
         f'Contact levels for at most {alarms_per_hour:g} false alarms per hour, learned from '
         f'{found.duration:.0f} s without contact.',
         'The levels are extrapolated beyond this motion. No safety function.'), 'a parameter file')

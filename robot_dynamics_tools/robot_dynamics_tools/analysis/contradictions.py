@@ -121,7 +121,7 @@ def find_contradictions(
     `motion` has the effort at the joints of `arm`, in its order. With `has_load`, the last link
     may carry any load. Raises RecordingError if the motion is in degrees.
     """
-    test, given = _Test(arm, motion), np.asarray(arm.pinocchio_model.gravity.linear)
+    test, given = _Test(arm, motion), arm.gravity
     accepted, cost, least_gain = _Hypothesis(), test.fit(_Hypothesis()).cost, 0.0
     _check_degrees(arm, motion, cost - test.freedom * LEAST_GAIN)
     for _ in range(_MOST_CAUSES if test.freedom else 0):
@@ -138,7 +138,7 @@ def find_contradictions(
         return 0.0, (_swapped_joints(arm, motion, cost - test.freedom * LEAST_GAIN),)
     for _ in range(_RELINEARIZATIONS if test.gravity[0] in accepted.columns else 0):
         # the error of a mass has to act along the gravity that was found
-        found = np.asarray(test.arm.pinocchio_model.gravity.linear) + test.gravity_change(accepted)
+        found = test.arm.gravity + test.gravity_change(accepted)
         test = _Test(arm.with_gravity(found), motion)
     far = _far_gravity(test, accepted, has_load)
     if far:  # bodies of another arm, whose inertia and gravity differ by other factors
@@ -221,7 +221,7 @@ class _Test:
             v, *(np.tanh(v / width) for width in _WIDTHS), load * np.tanh(v / _WIDTHS[1]),
             *(presliding_state(motion.position, v, np.full(n, d)) for d in _DISTANCES)], axis=2)
         sliding = filter_like(motion, sliding.reshape(len(v), -1)).reshape(sliding.shape)
-        q, v, a = (each[rows] for each in (motion.position, v, motion.acceleration))
+        q, v, a = motion.state(rows)
         Y = TorqueRegressor(arm)(q, v, a)
         self.times = np.quantile(t[rows], _SPLITS)
         own = np.concatenate([a[:, :, np.newaxis], np.ones((*a.shape, 1)), sliding[rows]], axis=2)
@@ -372,8 +372,7 @@ class _Test:
         for i, j in zip(accepted.swapped[::2], accepted.swapped[1::2]):
             yield f'the efforts of {names[i]} and {names[j]} are swapped'
         if self.gravity[0] in found:
-            yield gravity_cause(given, np.asarray(self.arm.pinocchio_model.gravity.linear)
-                                + self.gravity_change(accepted))
+            yield gravity_cause(given, self.arm.gravity + self.gravity_change(accepted))
         for k, name, kind in zip(self.encoders, names, self.arm.joint_kinds):
             if k in found:
                 value, unit = (found[k], 'm') if kind == 'prismatic' else (

@@ -93,6 +93,12 @@ class FilteredMotion:
             np.interp(t + delay, t, column) for column in effort.T], axis=1))
         return late.at(kept)
 
+    def state(
+        self, rows: IntArray | BoolArray | slice = slice(None),
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return position, velocity and acceleration (m, n) of these rows."""
+        return self.position[rows], self.velocity[rows], self.acceleration[rows]
+
     def at(self, rows: IntArray | BoolArray | slice) -> 'FilteredMotion':
         """Return the samples of these rows."""
         return replace(self, **{

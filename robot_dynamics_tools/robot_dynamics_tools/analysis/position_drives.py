@@ -116,8 +116,7 @@ def _delay(
     except (InvalidInputError, RecordingError):  # too short
         return 0.0
     motion = motions[0][1]
-    q, v, a = (each[motion.usable] for each in (
-        motion.position, motion.velocity, motion.acceleration))
+    q, v, a = motion.state(motion.usable)
     if np.abs(v).max(initial=0.0) < LEAST_SPEED:
         return 0.0
     model = RigidBody(arm).inverse_dynamics_batch(q, v, a)

@@ -14,7 +14,6 @@ most is named.
 from collections.abc import Iterable, Sequence
 from itertools import repeat
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -176,16 +175,6 @@ def effort_panels(analysis: BagAnalysis) -> list[figures.Panel]:
     return panels
 
 
-def friction_figure(analysis: BagAnalysis) -> Any | None:
-    """Return the figure of residual over velocity, or None if no effort was measured."""
-    if analysis.residual is None:
-        return None
-    arm, counts = analysis.arm, analysis.motion.usable
-    return figures.scatter_figure(
-        'Residual over velocity: effects of velocity only appear as a line or a step', arm,
-        analysis.motion.velocity[counts], analysis.residual[counts])
-
-
 def _with_gaps(analysis: BagAnalysis, values: FloatArray) -> FloatArray:
     """Return the values with NaN at the last sample before each gap, where lines break."""
     broken = values.copy()
@@ -202,7 +191,7 @@ def write_report(analysis: BagAnalysis, path: Path, origin: Origin) -> None:
     read, arm = analysis.recording, analysis.arm
     title = f'{read.path.name}: measured effort and model' if analysis.measured is not None else (
         f'{read.path.name}: effort of the model')
-    page, scatter = Page(title, joint_verdicts(analysis), RULE, origin), friction_figure(analysis)
+    page = Page(title, joint_verdicts(analysis), RULE, origin)
     page.section('Recording')
     page.table(facts(analysis), has_head=False, kind='text')
     if read.remarks:
@@ -223,7 +212,10 @@ def write_report(analysis: BagAnalysis, path: Path, origin: Origin) -> None:
     write_file(path.with_suffix('.png'), add_time_figures(
         page, arm, f'{arm.name}: {compared} at the recorded motion', effort_panels(analysis),
         'Measured and model effort'))
-    if scatter is not None:
+    if analysis.residual is not None:
         page.section('Residual over velocity')
-        add_figure(page, scatter, 'Residual over velocity')
+        used = analysis.motion.usable
+        add_figure(page, figures.scatter_figure(
+            'Residual over velocity: effects of velocity only appear as a line or a step', arm,
+            analysis.motion.velocity[used], analysis.residual[used]), 'Residual over velocity')
     write_file(path, page.html())

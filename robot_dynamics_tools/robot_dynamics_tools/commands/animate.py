@@ -126,8 +126,7 @@ def _recorded_motion(
     start = check_scalar('--from', arguments.start, 0.0, measured.times[-1])
     shown = (measured.times >= start) & (measured.times <= start + duration)
     motion = arm_motion.motion_of(
-        arm, measured.times[shown] - start, measured.position[shown], measured.velocity[shown],
-        measured.acceleration[shown],
+        arm, measured.times[shown] - start, *measured.state(shown),
         measured.effort[shown] if measured.effort is not None else None,
         np.ones(int(shown.sum()), dtype=bool))
     return motion.at(np.arange(0.0, motion.times[-1] + 0.5 / rate, 1.0 / rate))

@@ -11,7 +11,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.worst_gravity import QUICK, worst_gravity
 from robot_dynamics_tools.connect.checks import BAD, Checklist, Settings, UNKNOWN
 from robot_dynamics_tools.connect.states import StateLog
-from robot_dynamics_tools.gravity_calibration.holds import find_holds, Hold, per_joint
+from robot_dynamics_tools.gravity_calibration.holds import by_pose, find_holds, Hold, per_joint
 from robot_dynamics_tools.gravity_calibration.reported_gravity import (
     ABSENT,
     explanations,
@@ -42,22 +42,9 @@ def watch_poses(
         while reached < count and time.monotonic() < end:
             client.wait(lambda: False, LOOK_PERIOD)
             holds = find_holds(log.series(arm), arm.joint_kinds)
-            reached = len(_by_pose(arm, holds))
+            reached = len(by_pose(holds, per_joint(DISTINCT, arm.joint_kinds)))
             progress.update(reached)
     return holds
-
-
-def _by_pose(arm: ArmModel, holds: Sequence[Hold]) -> list[list[Hold]]:
-    """Return the holds of each pose."""
-    least, groups = per_joint(DISTINCT, arm.joint_kinds), list[list[Hold]]()
-    for hold in holds:
-        near = [group for group in groups
-                if (np.abs(hold.position - group[0].position) <= least).all()]
-        if near:
-            near[0].append(hold)
-        else:
-            groups.append([hold])
-    return groups
 
 
 def check_report(
@@ -69,8 +56,9 @@ def check_report(
     The report scale and offset of `arm` apply to the efforts. The holds of a pose count as one.
     """
     # dry friction has the sign of the last motion: holds of one pose may have one error
-    q, effort = (np.array([np.mean([getattr(hold, name) for hold in group], axis=0)
-                           for group in _by_pose(arm, holds)]) for name in ('position', 'effort'))
+    poses = by_pose(holds, per_joint(DISTINCT, arm.joint_kinds))
+    q, effort = (np.array([np.mean([getattr(holds[h], name) for h in pose], axis=0)
+                           for pose in poses]) for name in ('position', 'effort'))
     names, where = arm.joint_names, counted(len(q), 'pose')
     if not holds:
         checks.add('report', UNKNOWN, 'no pose was held', 'effort is g(q)', 'hold each for 2 s')

@@ -14,7 +14,7 @@ from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
 from robot_dynamics_tools.demo.session import DESCRIPTION, Session
 from robot_dynamics_tools.processes import DYNAMICS, NodeError
 from robot_dynamics_tools.recordings.joint_series import JointSeries
-from robot_dynamics_tools.recordings.messages import joint_state_messages
+from robot_dynamics_tools.recordings.messages import FIELDS, joint_state_messages
 from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.reporting.progress import Progress
 from sensor_msgs.msg import JointState
@@ -41,8 +41,7 @@ def read_recording(
     if seconds is not None:
         series = series.first(seconds)
     measured = ' and '.join(
-        field for field in ('position', 'velocity', 'effort')
-        if getattr(series, field) is not None)
+        field for field in FIELDS if getattr(series, field) is not None)
     print(f'  {name}: {len(series.stamps_ns)} states of {len(series.joint_names)} joints, '
           f'{series.times[-1]:.2f} s, with {measured or "nothing"}'
           + (f'; {series.passed_over} messages skipped' if series.passed_over else ''))

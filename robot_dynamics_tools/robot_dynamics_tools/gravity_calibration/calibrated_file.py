@@ -12,7 +12,7 @@ from robot_dynamics.urdf.yaml_text import load_yaml
 from robot_dynamics.validation import lower_triangle
 from robot_dynamics_tools.gravity_calibration.calibration import Calibration
 from robot_dynamics_tools.gravity_calibration.recorded_holds import RecordedCalibration
-from robot_dynamics_tools.yaml_output import dump_yaml
+from robot_dynamics_tools.yaml_output import dump_yaml, rounded
 
 SECTIONS = '/**', '/**/dynamics', 'dynamics', '/dynamics'
 """Sections of the node in a parameter file; a later one overrides an earlier one."""
@@ -69,8 +69,7 @@ def _in_order(
 ) -> list[float]:
     """Return one value for each joint, that `before` if it is not calibrated."""
     values = dict(zip(joints, np.broadcast_to(np.array(before, float), len(joints)).tolist()))
-    for joint, value in zip(found.arm.joint_names, getattr(found, name)):
-        values[joint] = float(f'{value:.{_DIGITS}g}')
+    values |= zip(found.arm.joint_names, rounded(getattr(found, name), _DIGITS))
     return [values[joint] for joint in joints]
 
 
@@ -82,7 +81,7 @@ def _covariance(found: Calibration, joints: Sequence[str]) -> list[float]:
     to, source = np.concatenate([to, n + to]), np.concatenate([source, len(recorded) + source])
     C = np.zeros((2 * n, 2 * n))
     C[np.ix_(to, to)] = found.covariance[np.ix_(source, source)]
-    return [float(f'{value:.{_COVARIANCE_DIGITS}g}') for value in lower_triangle(C)]
+    return rounded(lower_triangle(C), _COVARIANCE_DIGITS)
 
 
 def header(found: RecordedCalibration, path: Path) -> list[str]:

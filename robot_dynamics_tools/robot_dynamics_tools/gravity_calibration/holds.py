@@ -172,9 +172,8 @@ def _approach(distance: FloatArray, joint_kinds: Sequence[str]) -> IntArray:
     return found
 
 
-def pair_holds(holds: Sequence[Hold], joint_kinds: Sequence[str]) -> PairedHolds:
-    """Return the holds with their poses, of those that a joint approached from both sides."""
-    tolerance = per_joint(POSE_TOLERANCE, joint_kinds)
+def by_pose(holds: Sequence[Hold], tolerance: FloatArray) -> list[list[int]]:
+    """Return the indices of the holds of each pose, which differ by at most `tolerance` (n,)."""
     poses: list[list[int]] = []
     for h, hold in enumerate(holds):
         near = [pose for pose in poses
@@ -183,8 +182,14 @@ def pair_holds(holds: Sequence[Hold], joint_kinds: Sequence[str]) -> PairedHolds
             near[0].append(h)
         else:
             poses.append([h])
+    return poses
+
+
+def pair_holds(holds: Sequence[Hold], joint_kinds: Sequence[str]) -> PairedHolds:
+    """Return the holds with their poses, of those that a joint approached from both sides."""
+    tolerance = per_joint(POSE_TOLERANCE, joint_kinds)
     found, times = [], []
-    for pose in poses:
+    for pose in by_pose(holds, tolerance):
         sides = np.array([holds[h].approach for h in pose])
         ups, downs = (sides == 1).sum(axis=0), (sides == -1).sum(axis=0)
         weights = np.zeros((len(tolerance), len(holds)))

@@ -3,8 +3,8 @@
 
 """The node and the arm during a calibration: whether it is free, moves, has arrived and rests."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 import time
 
 import numpy as np
@@ -39,12 +39,10 @@ class ArmWatch(MotionWatch):
         self._late_ns: float = np.inf
         self._has_effort = False
 
-    @contextmanager
-    def following(self) -> Iterator[None]:
+    def following(self) -> AbstractContextManager[None]:
         """Receive in `with`, from now on."""
         self._newest = time.monotonic()
-        with super().following():
-            yield
+        return super().following()
 
     def on_state(self, message: JointState) -> None:
         super().on_state(message)

@@ -14,7 +14,7 @@ own inertials if the remainder is a valid mass distribution; otherwise they keep
 them (`kept_fractions`). The rest of the URDF is unchanged.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -32,7 +32,7 @@ from robot_dynamics_tools.identification import friction_regressor
 from robot_dynamics_tools.identification.regularized_fit import Fit
 from robot_dynamics_tools.pseudo_inertia import is_consistent
 from robot_dynamics_tools.urdf_editing import with_elements
-from robot_dynamics_tools.yaml_output import dump_yaml
+from robot_dynamics_tools.yaml_output import dump_yaml, rounded
 
 _LEAST = 1e-15
 _MOST_HALVINGS = 12
@@ -133,7 +133,6 @@ def _text(value: float) -> str:
     return f'{value if abs(value) > _LEAST else 0.0:.12g}'
 
 
-_DIGITS = 9
 _INERTIAS = ('actuator.rotor_inertia', 'actuator.reflected_inertia')
 
 
@@ -171,9 +170,6 @@ def parameter_values(
     identification does not determine are kept.
     """
     friction, offset = fitted_friction(arm, fit), fitted_offset(fit)
-
-    def rounded(found: Iterable[float]) -> list[float]:
-        return [float(f'{value:.{_DIGITS}g}') for value in found]
 
     replaced = ('friction.', 'robot_description', 'uncertainty.', *(
         ('actuator.',) if arm.actuators is None else _INERTIAS))

@@ -62,7 +62,6 @@ class CrossValidation:
         self._block = [regularized_fit.grams_of(information.block(i)) for i in information.folds]
         self.all = regularized_fit.grams_of(information.together())
         self.effort_power = np.sum([grams[:, -1, -1] for grams in self._block], axis=0)
-        self.is_measured = information.is_measured
         self.rows = max(float(information.rows[::2].sum()), 1.0)
 
     def squares(self, problem: regularized_fit.Problem) -> FloatArray:
@@ -82,7 +81,7 @@ class CrossValidation:
         least = 1e-12 * max(float(self.effort_power.max()) / self.rows, 1e-30)
         weight = 1.0 / (
             np.maximum(variance, least) * self.information.samples_per_independent_sample)
-        return np.asarray(np.where(self.is_measured, weight, 0.0))
+        return np.asarray(np.where(self.information.is_measured, weight, 0.0))
 
 
 def choose_model(
@@ -104,7 +103,7 @@ def choose_model(
     weights = validation.weights(_FIRST_SIGMA**2 * validation.effort_power[np.newaxis])
     problem = regularized_fit.Problem(chosen, weights, validation.prior, _FIRST_REGULARIZATION)
     for _ in range(SWEEPS):
-        for joint in np.flatnonzero(validation.is_measured).tolist():
+        for joint in np.flatnonzero(validation.information.is_measured).tolist():
             problem = _with_best_structure(validation, problem, joint, left_out[joint])
         problem = problem._replace(weights=validation.weights(validation.squares(problem)))
         problem, squares = _with_best_regularization(validation, problem)
@@ -133,7 +132,7 @@ def _with_best_regularization(
     """Return the strongest regularization that predicts as well as the best, and its squares."""
     problems = [problem._replace(regularization=k) for k in REGULARIZATIONS]
     every_joint = [validation.squares(each) for each in problems]
-    by_regularization = [squares[:, validation.is_measured] for squares in every_joint]
+    by_regularization = [squares[:, validation.information.is_measured] for squares in every_joint]
     sums = np.array([squares.sum(axis=0) for squares in by_regularization])
     totals = np.maximum(sums, np.maximum(EXACT * sums.max(axis=0), 1e-300))
     # the sum of logarithms over joints, in which relative changes of all joints count equally

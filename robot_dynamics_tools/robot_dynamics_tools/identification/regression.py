@@ -57,8 +57,7 @@ def _own_columns(
     load = rigid if reference is None else rigid + motion.acceleration * (
         reference.joint_values[:, friction_regressor.INERTIA])
     starts = [0, *(np.flatnonzero(np.diff(motion.segment)) + 1).tolist()]
-    return friction_regressor.joint_columns(
-        arm.joint_kinds, motion.position, motion.velocity, motion.acceleration, load, starts)
+    return friction_regressor.joint_columns(arm.joint_kinds, *motion.state(), load, starts)
 
 
 def _payload_and_load(
@@ -76,8 +75,7 @@ def _of_bodies(arm: ArmModel, motion: FilteredMotion, parameters: FloatArray) ->
     efforts = np.empty_like(motion.position)
     for first in range(0, len(efforts), _PART):
         part = slice(first, first + _PART)
-        efforts[part] = regressor(
-            motion.position[part], motion.velocity[part], motion.acceleration[part]) @ parameters
+        efforts[part] = regressor(*motion.state(part)) @ parameters
     return efforts
 
 
@@ -116,9 +114,7 @@ def reduce_motion(
     rows = np.arange(0, count, step)
     rows = rows[motion.usable[rows]]
     y = motion.measured_effort[rows] - (0.0 if keeps_payload else of_payload[rows])
-    X = np.concatenate([TorqueRegressor(arm)(
-        motion.position[rows], motion.velocity[rows], motion.acceleration[rows]), own[rows]],
-        axis=2)
+    X = np.concatenate([TorqueRegressor(arm)(*motion.state(rows)), own[rows]], axis=2)
     n = y.shape[1]
     rate = motion.sample_rate_hz / step
     independent = np.full(n, max(

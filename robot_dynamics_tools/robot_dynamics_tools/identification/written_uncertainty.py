@@ -83,8 +83,8 @@ def recorded_deviations(identification: Identification) -> dict[str, FloatArray]
     shown = identification.recordings
     motions = [each.motion for each in shown]
     known = [  # the covariance, which samples for training lack
-        (motion.times >= each.test_from)[:, np.newaxis] * (deviation.errors(
-            motion.position, motion.velocity, motion.acceleration)**2).sum(axis=2)
+        (motion.times >= each.test_from)[:, np.newaxis] * (
+            deviation.errors(*motion.state())**2).sum(axis=2)
         for each, motion in zip(shown, motions)]
     speed = np.abs(np.concatenate([motion.velocity for motion in motions]))
     slow, fast = np.quantile(speed, THIRDS, axis=0)

@@ -55,18 +55,16 @@ class Estimates:
     def set_model(self, model: Followed) -> None:
         """Continue with other loads, gravity or bandwidth of the same arm."""
         self._external.set_bandwidth(model.values['external_effort_bandwidth'])
-        dynamics, self._uncertainty = ArmDynamics(model.arm), model.arm.uncertainty
-        self._deviation = None if self._uncertainty is None else EffortDeviation(
-            dynamics, self._uncertainty)
-        for estimator in self._all:
+        dynamics, self.uncertainty = ArmDynamics(model.arm), model.arm.uncertainty
+        self._deviation = None if self.uncertainty is None else EffortDeviation(
+            dynamics, self.uncertainty)
+        for estimator in (*self._all, self.wrench):
             estimator.set_dynamics(dynamics)
-        self.wrench.set_dynamics(dynamics)
 
     def restart(self) -> None:
         """Reset all estimators at the next state."""
-        for estimator in self._all:
+        for estimator in (*self._all, self.wrench):
             estimator.restart()
-        self.wrench.restart()
 
     def update(
         self, wanted: tuple[bool, bool], dt: float, q: FloatArray, v: FloatArray,
@@ -82,11 +80,6 @@ class Estimates:
             self.wrench.restart()
         return found
 
-    @property
-    def has_deviations(self) -> bool:
-        """Whether the arm has an uncertainty."""
-        return self._uncertainty is not None
-
     def deviation(self, number: int, dt: float) -> FloatArray | None:
         """
         Return the expected standard deviation (n,) of an estimate, None if it is unknown.
@@ -96,10 +89,10 @@ class Estimates:
         uncertainty of the model at the present state.
         """
         estimator = self._all[number]
-        if self._uncertainty is None or self._deviation is None or estimator.state is None:
+        if self.uncertainty is None or self._deviation is None or estimator.state is None:
             return None
         return np.hypot(
-            self._uncertainty.noise(estimator.noise_bandwidth, dt),
+            self.uncertainty.noise(estimator.noise_bandwidth, dt),
             self._deviation(*estimator.state, smooth=True))
 
 
@@ -130,7 +123,7 @@ class LiveEstimates:
     @property
     def wanted(self) -> tuple[bool, bool]:
         """Whether external effort and residual are needed."""
-        topics = 2 if self.estimates is not None and self.estimates.has_deviations else 1
+        topics = 2 if self.estimates is not None and self.estimates.uncertainty is not None else 1
         external, residual = (
             any(one.count() > 0 for one in outputs[:topics]) for outputs in self._outputs)
         return (external or self.wrench.has_subscribers or self.contacts.is_on
@@ -175,7 +168,7 @@ class LiveEstimates:
             if deviation is not None:
                 of_deviation.publish(estimates.template.filled(state.stamp, deviation))
         if found[0] is not None:
-            self.wrench.publish(state.stamp_ns, dt)
+            self.wrench.publish(estimates.wrench, state.stamp_ns, dt)
 
     def _begin_where_needed(self, estimates: Estimates, state: MeasuredState) -> float:
         """Return the time [s] since the state before; after a reset it is not used."""

@@ -52,11 +52,9 @@ class LiveWrench:
         """Whether one of the topics has a subscriber."""
         return self._wrench.count() > 0 or self._covariance.count() > 0
 
-    def publish(self, stamp_ns: int, dt: float) -> None:
+    def publish(self, estimator: ExternalWrenchEstimator, stamp_ns: int, dt: float) -> None:
         """Publish the wrench dt [s] after the previous state; nothing if nothing needs it."""
-        estimator, self.newest = self.estimator, None
-        if estimator is None:
-            return
+        self.newest = None
         if not self.has_subscribers and not self._is_wanted():
             estimator.restart()
             return

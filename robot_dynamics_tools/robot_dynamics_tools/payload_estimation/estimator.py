@@ -94,20 +94,16 @@ class PayloadEstimator:
         """
         for begin in range(0, len(t), MOST_SAMPLES):
             part = slice(begin, begin + MOST_SAMPLES)
-            self._add(t[part], q[part], v[part], a[part], effort[part])
-
-    def _add(
-        self, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, effort: FloatArray,
-    ) -> None:
-        rows = self._observations(q, v, a, effort)
-        if not (np.abs(rows) < LARGEST_VALUE).all():
-            raise InvalidInputError(
-                'the motion has an effort, velocity or acceleration beyond all bounds, expected '
-                f'numbers below {LARGEST_VALUE:g}')
-        for i, time in enumerate(t.tolist()):
-            self._rows.add(time, q[i], v[i], rows[0, i], rows[1, i])
-        self._position = q[-1]
-        self._largest_effort = np.maximum(self._largest_effort, np.abs(effort).max(axis=0))
+            rows = self._observations(q[part], v[part], a[part], effort[part])
+            if not (np.abs(rows) < LARGEST_VALUE).all():
+                raise InvalidInputError(
+                    'the motion has an effort, velocity or acceleration beyond all bounds, '
+                    f'expected numbers below {LARGEST_VALUE:g}')
+            for sample in zip(t[part].tolist(), q[part], v[part], *rows):
+                self._rows.add(*sample)
+            self._position = q[part][-1]
+            self._largest_effort = np.maximum(
+                self._largest_effort, np.abs(effort[part]).max(axis=0))
 
     @np.errstate(over='ignore', invalid='ignore')
     def _observations(

@@ -96,6 +96,4 @@ def add_motion(estimator: PayloadEstimator, motion: motion_filter.FilteredMotion
     for number in np.unique(motion.segment):
         rows = np.flatnonzero((motion.segment == number) & motion.usable)[::every]
         estimator.restart()
-        estimator.add(
-            motion.times[rows], motion.position[rows], motion.velocity[rows],
-            motion.acceleration[rows], motion.measured_effort[rows])
+        estimator.add(motion.times[rows], *motion.state(rows), motion.measured_effort[rows])

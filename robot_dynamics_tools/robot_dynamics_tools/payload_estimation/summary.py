@@ -47,11 +47,9 @@ def parameter_rows(
     rows = [['parameter', 'value', 'deviation', 'per 1 % of effort', 'unit', 'verdict']]
     for name, value, deviation, change, unit, verdict in zip(
             NAMES, values, deviations, per_percent, UNITS, verdicts):
-        has_effect = verdict != NO_EFFECT
-        rows.append([
-            name, f'{value:.4f}' if has_effect else '-',
-            f'{deviation:.2g}' if has_effect else '-', f'{change:+.2g}' if has_effect else '-',
-            unit, verdict])
+        cells = 3 * ['-'] if verdict == NO_EFFECT else [
+            f'{value:.4f}', f'{deviation:.2g}', f'{change:+.2g}']
+        rows.append([name, *cells, unit, verdict])
     return rows
 
 

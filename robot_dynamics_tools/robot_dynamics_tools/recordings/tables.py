@@ -10,6 +10,7 @@ and a word for the quantity, in any order, such as `joint1.position [rad]`, `q_j
 names; the command (`action`) is another topic.
 """
 
+from contextlib import AbstractContextManager
 import csv
 import json
 from pathlib import Path
@@ -50,7 +51,7 @@ class Table(NamedTuple):
     notes: tuple[str, ...]
 
 
-class TableRecording:
+class TableRecording(AbstractContextManager['TableRecording']):
     """The joint states of a table, with the methods of `Recording` that reading them needs."""
 
     def __init__(self, path: Path, columns: tuple[tuple[str, str], ...] = ()) -> None:
@@ -63,9 +64,6 @@ class TableRecording:
         self.path = path
         table = read_dataset(path) if path.is_dir() else read_csv(path, columns)
         self.notes, self._table = list(table.notes), table
-
-    def __enter__(self) -> 'TableRecording':
-        return self
 
     def __exit__(self, *_: object) -> None:
         pass

@@ -153,12 +153,8 @@ def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
         1 if errors_of(checked.findings, ignored) else 0)
 
 
-class _State(NamedTuple):
-    """The joints, their motion in the same order, and their units."""
-
-    names: list[str]
-    motion: dict[str, list[float]]
-    units: Units
+_State = tuple[list[str], dict[str, list[float]], Units]
+"""The joints, their motion in the same order, and their units."""
 
 
 def _state(client: DynamicsClient, arguments: Namespace, fields: Sequence[str]) -> _State:
@@ -168,7 +164,7 @@ def _state(client: DynamicsClient, arguments: Namespace, fields: Sequence[str]) 
     for field in fields[1:]:
         texts = getattr(arguments, field)
         motion[field] = joint_values(field, texts, names, 0.0) if texts else [0.0] * len(names)
-    return _State(names, motion, Units.of(names, {} if arguments.json else client.joint_kinds()))
+    return names, motion, Units.of(names, {} if arguments.json else client.joint_kinds())
 
 
 def _answer(

@@ -26,26 +26,26 @@ def joint_values(
         if len(values) != len(names):
             raise InvalidInputError(
                 f'{field} has {len(values)} value{"" if len(values) == 1 else "s"}, expected '
-                f'{len(names)}: {_in_words(names)}')
+                f'{len(names)}: {", ".join(names)}')
         return values
     if len(named) < len(texts):
         plain = next(text for text in texts if '=' not in text)
         raise InvalidInputError(
             f'{field} has {plain!r} and {named[0]!r}, expected only numbers, or NAME=NUMBER '
-            f'for each joint: {_in_words(names)}')
+            f'for each joint: {", ".join(names)}')
     given: dict[str, float] = {}
     for text in named:
         name, _, number = text.partition('=')
         if name not in names:
             raise InvalidInputError(
-                f'{field} has joint {name!r}, expected one of: {_in_words(names)}')
+                f'{field} has joint {name!r}, expected one of: {", ".join(names)}')
         if name in given:
             raise InvalidInputError(f'{field} has joint {name!r} twice, expected it once')
         given[name] = _number(f'{field} of {name}', number)
     missing = [name for name in names if name not in given]
     if missing and rest is None:
         raise InvalidInputError(
-            f'{field} leaves out {_in_words(missing)}, expected every joint: {_in_words(names)}')
+            f'{field} leaves out {", ".join(missing)}, expected every joint: {", ".join(names)}')
     others = rest if isinstance(rest, Mapping) else dict.fromkeys(names, rest or 0.0)
     return [given[name] if name in given else others[name] for name in names]
 
@@ -58,7 +58,3 @@ def _number(field: str, text: str) -> float:
     if not math.isfinite(value):
         raise InvalidInputError(f'{field} is {text!r}, expected a number')
     return value
-
-
-def _in_words(names: Sequence[str]) -> str:
-    return ', '.join(names)

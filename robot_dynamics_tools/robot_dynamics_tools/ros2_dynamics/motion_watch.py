@@ -4,7 +4,7 @@
 """Publication of a goal, and waits until the node has accepted it and until the arm rests."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 import json
 import math
 import time
@@ -61,15 +61,13 @@ class MotionWatch:
         self._status = ''
         self._last_reference = time.monotonic()
 
-    @contextmanager
-    def following(self) -> Iterator[None]:
+    def following(self) -> AbstractContextManager[None]:
         """Receive in `with`."""
         client = self.client
-        with client.subscribed(
-                (JointState, client.joint_state_topic(), self.on_state, qos_profile_sensor_data),
-                (JointState, client.resolve('~/reference'), self._on_reference, _NEWEST),
-                (DiagnosticArray, '/diagnostics', self._on_diagnostics, _RELIABLE)):
-            yield
+        return client.subscribed(
+            (JointState, client.joint_state_topic(), self.on_state, qos_profile_sensor_data),
+            (JointState, client.resolve('~/reference'), self._on_reference, _NEWEST),
+            (DiagnosticArray, '/diagnostics', self._on_diagnostics, _RELIABLE))
 
     def on_state(self, message: JointState) -> None:
         self.position |= {

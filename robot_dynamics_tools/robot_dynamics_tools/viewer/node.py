@@ -9,6 +9,7 @@ only their newest message is kept, so that the load does not depend on the rate 
 """
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 import time
 from typing import Any, NamedTuple
@@ -62,12 +63,13 @@ class ViewerNode:
             ('diagnostics', DiagnosticArray, '/diagnostics', QoSProfile(depth=10)),
             ('description', String, 'robot_description', LATCHED))
         for field, kind, topic, qos in topics:
-            node.create_subscription(kind, topic, self._keep(field), qos)
+            node.create_subscription(kind, topic, partial(self._keep, field), qos)
         self._received: dict[str, Any] = {}
-        self._trajectory = node.create_publisher(
-            JointTrajectory, f'{dynamics}/joint_trajectory', NEWEST)
+        self.send_trajectory = node.create_publisher(
+            JointTrajectory, f'{dynamics}/joint_trajectory', NEWEST).publish
         self._wrench = node.create_publisher(
             WrenchStamped, f'{simulated_arm}/external_wrench', NEWEST)
+        self.push = self._wrench.publish
         self._parameters = node.create_client(GetParameters, f'{dynamics}/get_parameters')
         self._payloads = {
             name: node.create_client(SetPayload, f'{name}/set_payload')
@@ -75,16 +77,13 @@ class ViewerNode:
         self._reset = node.create_client(Trigger, f'{simulated_arm}/reset')
         self.dynamics, self.simulated_arm, self.monitor = dynamics, simulated_arm, monitor
 
-    def _keep(self, field: str) -> Callable[[Any], None]:
-        def keep(message: Any) -> None:
-            self._turned = True
-            service = self.node.resolve_service_name(f'{self.dynamics}/get_parameters')
-            if field == 'diagnostics' and not any(status.name.startswith(
-                    f'{service.rpartition("/")[0]}: ') for status in message.status):
-                return  # from another node
-            self._received[field] = message
-
-        return keep
+    def _keep(self, field: str, message: Any) -> None:
+        self._turned = True
+        service = self.node.resolve_service_name(f'{self.dynamics}/get_parameters')
+        if field == 'diagnostics' and not any(status.name.startswith(
+                f'{service.rpartition("/")[0]}: ') for status in message.status):
+            return  # from another node
+        self._received[field] = message
 
     def receive(self) -> dict[str, Any]:
         """
@@ -160,14 +159,6 @@ class ViewerNode:
         self._turned = True
         if future.exception() is None and future.result() is not None:
             answered(future.result())
-
-    def send_trajectory(self, message: JointTrajectory) -> None:
-        """Publish a reference."""
-        self._trajectory.publish(message)
-
-    def push(self, message: WrenchStamped) -> None:
-        """Publish a wrench on a link of the simulated arm."""
-        self._wrench.publish(message)
 
 
 class Description(NamedTuple):
