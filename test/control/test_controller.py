@@ -151,6 +151,14 @@ def test_friction_brakes_a_stop_from_a_measured_velocity(command):
     assert update(one, NOW + SECOND, q, ZERO).law.friction == pytest.approx([4.0, 1.5], rel=0.05)
 
 
+def test_a_stop_begins_with_at_most_twice_the_velocity_limit():
+    one = Controller(ARM, default_options(ARM))
+    for v, expected in ((19.0, 19.0), (500.0, 20.0)):  # the limit is 10 rad/s
+        one.followed.end()
+        one.followed.stop(NOW, Q, np.array([v, -v]))
+        assert one.trajectory.sample(NOW).velocity == pytest.approx([expected, -expected])
+
+
 def test_a_stop_does_not_begin_while_the_caller_forbids_it():
     """In a fault, for example: the reference begins where the arm is when the fault has ended."""
     one = make(stops_and_holds=True)

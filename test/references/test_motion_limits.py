@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
@@ -126,6 +127,16 @@ def test_a_load_that_changes_is_within_the_limits_with_both_loads():
         most = (1.0 + 1e-9) * available(effort, at.gravity)
         assert (at.mass @ both.acceleration <= most)[holds].all()
     assert (both.velocity == empty.motion_limits(effort, rate('default')).velocity).all()
+
+
+def test_a_tenth_of_the_effort_is_left_by_the_largest_friction():
+    arm = arm_of('default')
+    effort = arm.limits.effort
+    at = WorkspaceInertia(ArmDynamics(arm.with_friction(
+        make_friction(arm.joint_names, coulomb=effort))))
+    holds = can_hold(effort, at.gravity)
+    used = (at.mass @ at.motion_limits(effort, rate('default')).acceleration / effort)[holds]
+    assert used.max() == pytest.approx(0.05 * holds.mean())
 
 
 # ---------------------------------------------------------------------- braking
