@@ -168,7 +168,7 @@ class DriveModel:
         late = np.abs(np.diff(window.commanded, axis=0, prepend=window.commanded[:1]))
         at_rest = np.where(sign == 0.0, sum(joints.friction), 0.0)
         self.noise = np.sqrt(
-            (window.inertia * (SPEED_NOISE + window.error) / duration)**2 + (0.005 * limit)**2
+            (window.inertia * (SPEED_NOISE + 2.0 * window.error) / duration)**2 + (0.005 * limit)**2
             + (0.03 * window.needed)**2 + (DELAY / duration * late)**2 + at_rest**2)
         turns = np.zeros_like(sign, dtype=bool)
         turns[1:] = window.acceleration[1:] * window.acceleration[:-1] < 0.0

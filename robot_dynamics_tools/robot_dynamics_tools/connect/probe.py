@@ -49,7 +49,7 @@ NAMESPACE = '/connect'
 NODE = f'{NAMESPACE}/dynamics'
 STEP = 0.02, 0.005
 """[rad], [m]: displacement of a probe."""
-REACH, FRICTION = 8, 0.08
+REACH, FRICTION = 20, 0.08
 """Steps that the reference may go, and effort by its limit, until a joint that friction holds
 moves."""
 START_TIME = 30.0

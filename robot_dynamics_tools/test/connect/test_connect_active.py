@@ -45,7 +45,7 @@ def options(tmp_path: Path) -> list[str]:
     """Return options for a busy machine, and for an arm that stays in one pose."""
     urdf = tmp_path / 'default.urdf'
     urdf.write_text(default_arm_urdf(), encoding='utf-8')
-    given = write_parameters(tmp_path / 'given.yaml', UNHURRIED)
+    given = write_parameters(tmp_path / 'given.yaml', UNHURRIED | {'state_max_age': 60.0})
     return ['--yes', '--unit', 'rad', '--urdf', str(urdf), '--parameters', str(given),
             '--poses', '1', '--output', str(tmp_path / 'my.yaml'), '--timeout', str(TIMEOUT)]
 
