@@ -8,15 +8,14 @@ from itertools import pairwise
 import re
 from typing import Any
 
+from controller_bench import ARM, NAMES
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import TrajectoryError
-from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.references.motion_limits import MotionLimits, WorkspaceInertia
 from robot_dynamics.references.path_conditioning import feasible_trajectory
 from robot_dynamics.trajectories.efforts import efforts_along
@@ -25,8 +24,6 @@ from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic
 from robot_dynamics.trajectories.segments import TrajectorySegments
 from sampled_segment import sample_segment
 
-NAMES = ('joint1', 'joint2')
-ARM = load_arm(default_arm_urdf())
 TOLERANCE = 1.0001
 """Largest ratio to a limit at the points and between them."""
 
