@@ -22,16 +22,13 @@ def joint(name, parent, child, mimic=''):
         f'<axis xyz="0 0 1"/><limit lower="-3" upper="3"/>{mimic}</joint>')
 
 
-def arm_urdf():
-    links = ''.join(f'<link name="l{i}"/>' for i in range(7))
-    return (
-        f'<robot name="arm">{links}' + joint('hip', 'l0', 'l1') + joint('knee', 'l1', 'l2')
-        + joint('ankle', 'l2', 'l3') + joint('brake', 'l3', 'l4')
-        + joint('double', 'l4', 'l5', '<mimic joint="knee" multiplier="-2" offset="0.5"/>')
-        + joint('braked', 'l5', 'l6', '<mimic joint="brake" offset="0.1"/>') + '</robot>')
-
-
-ARM = load_arm(arm_urdf(), ['hip', 'knee', 'ankle'])
+ARM = load_arm(
+    '<robot name="arm">' + ''.join(f'<link name="l{i}"/>' for i in range(7))
+    + joint('hip', 'l0', 'l1') + joint('knee', 'l1', 'l2') + joint('ankle', 'l2', 'l3')
+    + joint('brake', 'l3', 'l4')
+    + joint('double', 'l4', 'l5', '<mimic joint="knee" multiplier="-2" offset="0.5"/>')
+    + joint('braked', 'l5', 'l6', '<mimic joint="brake" offset="0.1"/>') + '</robot>',
+    ['hip', 'knee', 'ankle'])
 JOINTS = ('hip', 'knee', 'ankle')
 MIXED, WITH_MIMIC = ('ankle', 'hip', 'knee'), (*JOINTS, 'double')
 Q = {'hip': 0.1, 'knee': 0.2, 'ankle': 0.3, 'double': 0.1}

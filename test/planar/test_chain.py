@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import numpy.testing as npt
-from planar_chains import assert_close
+from planar_chains import A, ARM, assert_close, PRINTED, Q, V
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar import chain as planar_chain
@@ -19,13 +19,8 @@ from robot_dynamics.planar import two_link as planar
 from robot_dynamics.planar.chain import newton_euler, PlanarChain
 from robot_dynamics.planar.two_link import PlanarTwoLink
 
-ARM = PlanarTwoLink()
 CHAIN = PlanarChain.from_two_link(ARM)
-Q = np.array([math.pi / 4, math.pi / 6])
-V = np.array([0.5, 0.3])
-A = np.array([0.1, 0.2])
 EXAMPLE = np.array([-48.74713301, -10.95795578])
-PRINTED = 5e-9
 
 law = settings(deadline=None, derandomize=True, max_examples=50)
 
