@@ -95,12 +95,10 @@ def test_falling_friction_is_followed_where_viscous_friction_is_stiff(v0, tau):
 MASS, GRAVITY = 2.0, 9.81
 
 
-def lift(
-    sigmoid: float, width: float, load_fraction: float, viscous: float = 0.0,
-) -> ArmModel:
+def lift(sigmoid: float, width: float, load_fraction: float) -> ArmModel:
     """Return a mass on a vertical rail: its gears bear the same load everywhere."""
     return block(
-        MASS, (0.0, 0.0, 1.0), viscous=viscous, sigmoid=sigmoid, sigmoid_velocity=width,
+        MASS, (0.0, 0.0, 1.0), sigmoid=sigmoid, sigmoid_velocity=width,
         load_coefficient=load_fraction)
 
 
