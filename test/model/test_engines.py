@@ -24,7 +24,7 @@ ROBOTS = ('kinova', 'panda', 'talos_left_arm', 'tiago_pro')
 
 
 pytestmark = [
-    pytest.mark.parametrize('robot', ROBOTS), pytest.mark.parametrize('engine', ENGINES)]
+    pytest.mark.parametrize('engine', ENGINES), pytest.mark.parametrize('robot', ROBOTS)]
 
 
 @pytest.fixture
