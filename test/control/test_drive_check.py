@@ -11,7 +11,6 @@ from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
@@ -43,7 +42,8 @@ class Driven(LockStep):
         """`load` [kg] is a mass at the last link; `report` returns the report of a command."""
         arm = smooth_arm(name)
         self.drive, self.said = drive, report
-        true = _true_arm(arm.with_gravity(gravity), load)
+        true = arm.with_gravity(gravity).with_reflected_inertia(arm.limits.effort / 1000.0)
+        true = true.with_payloads([make_payload(arm.link_names[-1], load, (0.0, 0.0, 0.05))])
         super().__init__(arm, true_arm=true, q=Q[name], rate=rate, **options)
 
     def _move(self, tau: FloatArray) -> None:
@@ -62,12 +62,6 @@ class Driven(LockStep):
     def words(self) -> list[str]:
         """Return the verdict of each joint."""
         return [one.verdict for one in self.loop.drives.verdicts()]
-
-
-def _true_arm(arm: ArmModel, load: float) -> ArmModel:
-    true = arm.with_reflected_inertia(arm.limits.effort / 1000.0)
-    return true if load == 0.0 else true.with_payloads(
-        [make_payload(arm.link_names[-1], load, (0.0, 0.0, 0.05))])
 
 
 # --- wrong drives --------------------------------------------------------------------------------

@@ -5,7 +5,7 @@
 from dataclasses import replace
 from typing import Any
 
-from controller_bench import update
+from controller_bench import ARM, LIMIT, NAMES, Q, update, ZERO
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -17,17 +17,14 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.effort_calibration import EffortCalibration, make_effort_calibration
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.plant import InnerController
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from simulated_arms import released
 
-ARM = load_arm(default_arm_urdf())
-NAMES, LIMIT = ARM.joint_names, ARM.limits.effort
 FRICTION = ARM.with_friction(make_friction(NAMES, [2.0], [3.0]))
-Q, V, ZERO = np.array([0.8, 0.5]), np.array([0.5, -0.3]), np.zeros(2)
+V = np.array([0.5, -0.3])
 NOW = 1_000_000_000
 
 laws = settings(max_examples=40)

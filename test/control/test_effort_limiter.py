@@ -212,16 +212,12 @@ def triples(size: float) -> st.SearchStrategy[np.ndarray]:
     return st.lists(numbers, min_size=3, max_size=3).map(np.array)
 
 
-def compensating(gravity: np.ndarray) -> RobotEffort:
-    return RobotEffort(gravity, 0.0)
-
-
 # --- a robot that compensates gravity ------------------------------------------------------------
 
 @more_laws
 @given(triples(200.0), triples(100.0))
 def test_command_and_joint_stay_within_the_limit_or_gravity_alone_exceeds_it(command, gravity):
-    bounded, _ = EffortBounds(LIMIT).bounded(command, compensating(gravity))
+    bounded, _ = EffortBounds(LIMIT).bounded(command, RobotEffort(gravity, 0.0))
     assert (np.abs(bounded) <= LIMIT).all()
     assert (np.abs(bounded + gravity) <= np.maximum(LIMIT, np.abs(gravity)) + 1e-9).all()
 
@@ -230,7 +226,8 @@ def test_command_and_joint_stay_within_the_limit_or_gravity_alone_exceeds_it(com
 @given(triples(100.0), st.sampled_from([1.0, -1.0]))
 def test_a_robot_that_compensates_gravity_leaves_the_rest_of_the_limit(gravity, sign):
     """The largest command loads either the drive or the joint with its limit, and no less."""
-    bounded, clamped = EffortBounds(LIMIT).bounded(np.full(3, sign * FAR), compensating(gravity))
+    bounded, clamped = EffortBounds(LIMIT).bounded(
+        np.full(3, sign * FAR), RobotEffort(gravity, 0.0))
     for j in (0, 1):
         load = max(sign * bounded[j], sign * (bounded[j] + gravity[j]))
         if sign * gravity[j] <= LIMIT[j]:
@@ -243,7 +240,7 @@ def test_a_robot_that_compensates_gravity_leaves_the_rest_of_the_limit(gravity, 
 @more_laws
 @given(triples(200.0), triples(100.0))
 def test_what_is_within_the_bounds_is_unchanged(command, gravity):
-    bounds, robot = EffortBounds(LIMIT), compensating(gravity)
+    bounds, robot = EffortBounds(LIMIT), RobotEffort(gravity, 0.0)
     bounded, clamped = bounds.bounded(command, robot)
     again, none = bounds.bounded(bounded, robot)
     assert again.tolist() == bounded.tolist()

@@ -53,6 +53,13 @@ class Fed:
         assert found.verdict.is_new
         return found
 
+    def moves(self, v: FloatArray, until: float, has_velocity: bool = True) -> FloatArray:
+        """Move from 0 at a constant velocity; return the last position."""
+        while self.t < until:
+            q = self.t * v
+            self.signals(q, v if has_velocity else None)
+        return q
+
 
 class Swing:
     """Two joints from rest, which turn back and forth with speeds up to `speed` [rad/s]."""
@@ -216,9 +223,7 @@ def test_a_joint_that_repeats_in_motion_is_continued_lost_and_found(
 def test_a_missing_joint_follows_its_reference_and_then_brakes_as_far_as_it_can(rate, a, share):
     one, v = Fed(rate), np.array([0.3, 1.0])
     one.starts(np.zeros(2))
-    while one.t < 0.3:
-        q, kept = one.t * v, one.t * v[1]
-        one.signals(q, v)
+    kept = one.moves(v, 0.3)[1]
     one.reference, last, was_lost = np.array([0.0, a]), 1.0, False
     while one.t < 0.5:
         one.gate.braking = share
@@ -286,8 +291,7 @@ def test_a_slow_joint_may_rest_while_another_one_is_lost():
 def test_a_joint_that_stops_in_a_gap_is_never_missing(rate, speed, gap):
     one, v = Fed(rate), np.array([0.3, speed])
     one.starts(np.zeros(2))
-    while one.t < 0.2:
-        one.signals(one.t * v, v)
+    one.moves(v, 0.2)
     q = (one.t + 0.5 * gap / rate) * v
     one.k += gap
     for _ in range(int(0.3 * rate)):
@@ -319,8 +323,7 @@ def test_a_joint_that_repeats_after_steps_of_three_increments_is_missing(steps, 
 @pytest.mark.parametrize(('speed', 'is_missing'), [(0.08, False), (0.14, True)])
 def test_a_velocity_of_0_is_missing_above_0_1_rad_s(speed, is_missing):
     one, v = Fed(500.0), np.array([0.5, speed])
-    while one.t < 1.0:
-        one.signals(one.t * v, v)
+    one.moves(v, 1.0)
     assert one.signals(one.t * v, np.array([0.5, 0.0])).v[1] == (speed if is_missing else 0.0)
 
 
@@ -348,9 +351,7 @@ def test_a_state_that_repeats_in_motion_is_none_until_a_position_changes(
         rate, speed, count, moved):
     one, v = Fed(rate), np.array([speed, 0.0])
     one.starts(0.0 * v)
-    while one.t < 0.2:
-        q = one.t * v
-        one.signals(q, v)
+    q = one.moves(v, 0.2)
     for _ in range(count):
         assert not one.take(q, v).verdict.is_new
         assert not one.take(q, 0.0 * v).verdict.is_new
@@ -365,9 +366,7 @@ def test_an_arm_without_a_command_that_repeats_in_motion_is_on_its_brakes(
     one, v = Fed(rate), np.array([speed, 0.0])
     one.is_commanded = False
     one.starts(0.0 * v)
-    while one.t < 0.2:
-        q = one.t * v
-        one.signals(q, v if has_velocity else None)
+    q = one.moves(v, 0.2, has_velocity)
     if has_velocity:
         assert not one.take(q, v).verdict.is_new
     for _ in range(5):

@@ -3,7 +3,7 @@
 
 """Trajectories with tolerances and a result, in lock-step with an arm."""
 
-from functools import cache
+from functools import cache, partial
 import math
 from typing import Any
 
@@ -21,8 +21,7 @@ from robot_dynamics.control.trajectory_goal import (
     TrajectoryGoal,
 )
 from robot_dynamics.exceptions import TrajectoryError
-from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 
 WAY = 0.3
@@ -277,19 +276,16 @@ def test_default_tolerances_are_those_of_the_goal_only():
 @pytest.mark.parametrize('is_goal', [True, False])
 def test_what_ends_the_motion_refuses_a_goal_that_was_sent_before(end, words, is_goal):
     """It comes while the trajectory is prepared, or before its goal is executed."""
-    bench = LockStep(load_arm(default_arm_urdf()), q=np.array([0.3, 0.3]))
-    bench.run(0.3)
+    bench = held(smooth_arm('default'))
     names = bench.arm.joint_names
     trajectory = make_trajectory(names, [0.0], [bench.q + 0.3], [], [], names)
     loop, sent = bench.loop, bench.loop.goals.epoch
     end(loop)
     bench.run(0.1)  # the fault has ended
     if is_goal:
-        def begin() -> object:
-            return loop.goals.execute(trajectory, 0, None, lambda: None, sent)
+        begin = partial(loop.goals.execute, trajectory, 0, None, lambda: None, sent)
     else:
-        def begin() -> object:
-            return loop.follow(trajectory)
+        begin = partial(loop.follow, trajectory)
         prepare = loop.controller.prepare
 
         def prepare_while_it_ends(trajectory: JointTrajectory) -> Any:

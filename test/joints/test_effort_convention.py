@@ -5,7 +5,7 @@
 
 from typing import Any
 
-from controller_bench import update
+from controller_bench import ARM, NAMES, Q, update, ZERO
 import numpy as np
 import pytest
 from robot_dynamics.control.control_output import ControlOutput
@@ -21,15 +21,11 @@ from robot_dynamics.joints.effort_convention import (
     measured_from_joint,
 )
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
-ARM = load_arm(default_arm_urdf())
-NAMES = ARM.joint_names
-Q, V, ZERO = np.array([0.8, 0.5]), np.array([0.5, -0.3]), np.zeros(2)
+V = np.array([0.5, -0.3])
 G = ArmDynamics(ARM).rigid_body.gravity(Q)
 EFFORT = np.array([-40.0, 12.0])
 ALL = ('gravity', 'friction')
@@ -80,13 +76,9 @@ def test_mismatched_inputs_are_rejected_by_name(arguments, words):
 
 # --- the command ---------------------------------------------------------------------------------
 
-def with_friction(coulomb: float = 3.0) -> ArmModel:
-    return ARM.with_friction(make_friction(NAMES, [2.0], [coulomb]))
-
-
 def make_controller(compensates: tuple[str, ...], **changes: Any) -> Controller:
     semantics = EffortConvention(robot_compensates=compensates)
-    return Controller(with_friction(), ControllerOptions(
+    return Controller(ARM.with_friction(make_friction(NAMES, [2.0], [3.0])), ControllerOptions(
         make_gains(NAMES), effort_convention=semantics, **changes))
 
 

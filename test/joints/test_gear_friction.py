@@ -3,7 +3,7 @@
 
 """Friction of gears and drives: its law, in inverse and forward dynamics, and presliding."""
 
-from controller_bench import update
+from controller_bench import ARM, NAMES, update
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -13,13 +13,9 @@ from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.presliding import presliding_state
-from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
-ARM = load_arm(default_arm_urdf())
-NAMES = ARM.joint_names
 laws = settings(deadline=None, max_examples=40, derandomize=True)
 values = st.floats(-5.0, 5.0)
 

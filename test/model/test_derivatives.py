@@ -16,7 +16,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.derivatives import ArmDerivatives
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
@@ -56,26 +56,6 @@ def differences(function: Callable[[Array], Array], x: Array, h: float = 1e-6) -
     return np.array(columns).T
 
 
-def smooth_effort(arm: ArmModel, wrenches: list[ExternalWrench]) -> Callable[..., Array]:
-    dynamics = ArmDynamics(arm)
-
-    def effort(q: Array, v: Array, a: Array) -> Array:
-        load = dynamics.rigid_body.inverse_dynamics(q, v, a, wrenches)
-        return load + arm.friction.smooth_effort(v, load)
-
-    return effort
-
-
-def smooth_acceleration(arm: ArmModel, wrenches: list[ExternalWrench]) -> Callable[..., Array]:
-    dynamics = ArmDynamics(arm)
-
-    def acceleration(q: Array, v: Array, tau: Array) -> Array:
-        load = arm.friction.load_behind(v, tau, smooth_sign(v, SMOOTHING_VELOCITY))
-        return dynamics.rigid_body.forward_dynamics(q, v, load, wrenches)
-
-    return acceleration
-
-
 def random_wrenches(arm: ArmModel, rng: np.random.Generator) -> list[ExternalWrench]:
     return [ExternalWrench(str(link), rng.normal(size=3) * 20.0, rng.normal(size=3) * 5.0)
             for link in rng.choice(arm.link_names, 2)]
@@ -84,14 +64,23 @@ def random_wrenches(arm: ArmModel, rng: np.random.Generator) -> list[ExternalWre
 def assert_derivatives(
     arm: ArmModel, q: Array, v: Array, a: Array, wrenches: list[ExternalWrench],
 ) -> None:
-    """Compare the derivatives at a state with central differences."""
-    derivatives, effort = ArmDerivatives(arm), smooth_effort(arm, wrenches)
+    """Compare the derivatives at a state with central differences, with smooth friction."""
+    derivatives, body = ArmDerivatives(arm), RigidBody(arm)
+
+    def effort(q: Array, v: Array, a: Array) -> Array:
+        load = body.inverse_dynamics(q, v, a, wrenches)
+        return load + arm.friction.smooth_effort(v, load)
+
+    def motion(q: Array, v: Array, tau: Array) -> Array:
+        load = arm.friction.load_behind(v, tau, smooth_sign(v, SMOOTHING_VELOCITY))
+        return body.forward_dynamics(q, v, load, wrenches)
+
     by = derivatives.inverse_dynamics(q, v, a, wrenches)
     np.testing.assert_allclose(by.effort, effort(q, v, a), rtol=1e-9, atol=1e-9)
     assert_near(by.position, differences(lambda x: effort(x, v, a), q), 'tau by q')
     assert_near(by.velocity, differences(lambda x: effort(q, x, a), v), 'tau by v')
     assert_near(by.acceleration, differences(lambda x: effort(q, v, x), a), 'tau by a')
-    tau, motion = by.effort, smooth_acceleration(arm, wrenches)
+    tau = by.effort
     found = derivatives.forward_dynamics(q, v, tau, wrenches)
     np.testing.assert_allclose(found.acceleration, a, atol=1e-6)
     assert_near(found.position, differences(lambda x: motion(x, v, tau), q), 'a by q')

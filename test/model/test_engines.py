@@ -23,14 +23,8 @@ ROBOTS = ('kinova', 'panda', 'talos_left_arm', 'tiago_pro')
 """Revolute, continuous and prismatic joints, along and against the axes, with mimic joints."""
 
 
-@pytest.fixture(params=ENGINES)
-def engine(request):
-    return request.param
-
-
-@pytest.fixture(params=ROBOTS)
-def robot(request):
-    return request.param
+pytestmark = [
+    pytest.mark.parametrize('engine', ENGINES), pytest.mark.parametrize('robot', ROBOTS)]
 
 
 @pytest.fixture

@@ -7,43 +7,28 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
-from robot_dynamics.planar.urdf import planar_arm_urdf
-from simulated_arms import released
+from simulated_arms import ABOUT_JOINT, one_link, released, rubbing, three_links
 
 laws = settings(deadline=None, derandomize=True, max_examples=40)
-ABOUT_JOINT = 0.1 + 2.0 * 0.25
-
-
-def three_links() -> ArmModel:
-    """Return an arm with all friction except the Stribeck effect."""
-    arm = load_arm(
-        planar_arm_urdf([4.0, 2.0, 1.0], [0.8, 0.6, 0.4], [0.4, 0.3, 0.2], [0.2, 0.06, 0.02]))
-    return arm.with_friction(make_friction(arm.joint_names, viscous=0.25, coulomb=4.0, offset=0.2))
-
-
-ARM = three_links()
+ARM = rubbing(three_links(), viscous=0.25, coulomb=4.0, offset=0.2)
+"""An arm with all friction except the Stribeck effect."""
 PUSH = ExternalWrench('tool0', np.array([0.0, 0.0, 5.0]), np.zeros(3))
 
 
-def some_state(arm: ArmModel, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def some_state(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a position, a velocity with some zeros, and an effort near the holding effort."""
     random = np.random.default_rng(seed)
-    n = arm.joint_count
-    q = random.uniform(-2.0, 2.0, n)
-    v = random.choice((0.0, 0.7, -0.7), n)
-    tau = ArmDynamics(arm).rigid_body.nonlinear(q, v) + random.uniform(-20.0, 20.0, n)
+    q = random.uniform(-2.0, 2.0, 3)
+    v = random.choice((0.0, 0.7, -0.7), 3)
+    tau = ArmDynamics(ARM).rigid_body.nonlinear(q, v) + random.uniform(-20.0, 20.0, 3)
     return q, v, tau
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
 def test_one_joint_stays_up_to_its_static_friction(sign):
-    arm = load_arm(planar_arm_urdf([2.0], [1.0], [0.5], [0.1]), gravity=(0.0, 0.0, 0.0))
-    dynamics = ArmDynamics(arm.with_friction(make_friction(
-        arm.joint_names, coulomb=[1.0], static=[1.5])))
+    dynamics = ArmDynamics(rubbing(one_link(), coulomb=[1.0], static=[1.5]))
     rest = np.zeros(1)
     for effort in (0.0, 1.2, 1.4999999):
         assert dynamics.forward_dynamics(rest, rest, np.array([sign * effort])).tolist() == [0.0]
@@ -58,7 +43,7 @@ def test_one_joint_stays_up_to_its_static_friction(sign):
 @given(seed=st.integers(0, 2**32 - 1))
 def test_it_is_the_first_step_of_the_simulated_arm(seed):
     h = 1e-8
-    q, v, tau = some_state(ARM, seed)
+    q, v, tau = some_state(seed)
     a = ArmDynamics(ARM).forward_dynamics(q, v, tau, [PUSH])
     simulation = released(ARM, q, v)
     _, after = simulation.step(tau, h, [PUSH])
@@ -72,7 +57,7 @@ def test_it_is_the_first_step_of_the_simulated_arm(seed):
 @given(seed=st.integers(0, 2**32 - 1))
 def test_inverse_dynamics_differs_by_what_holds_a_joint_at_rest(seed):
     dynamics = ArmDynamics(ARM)
-    q, v, tau = some_state(ARM, seed)
+    q, v, tau = some_state(seed)
     a = dynamics.forward_dynamics(q, v, tau)
     held = tau - dynamics.inverse_dynamics(q, v, a)
     static, rest = ARM.friction.static, v == 0.0

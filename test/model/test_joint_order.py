@@ -22,22 +22,20 @@ def joint(name, parent, child, mimic=''):
         f'<axis xyz="0 0 1"/><limit lower="-3" upper="3"/>{mimic}</joint>')
 
 
-def arm_urdf():
-    links = ''.join(f'<link name="l{i}"/>' for i in range(7))
-    return (
-        f'<robot name="arm">{links}' + joint('hip', 'l0', 'l1') + joint('knee', 'l1', 'l2')
-        + joint('ankle', 'l2', 'l3') + joint('brake', 'l3', 'l4')
-        + joint('double', 'l4', 'l5', '<mimic joint="knee" multiplier="-2" offset="0.5"/>')
-        + joint('braked', 'l5', 'l6', '<mimic joint="brake" offset="0.1"/>') + '</robot>')
-
-
-ARM = load_arm(arm_urdf(), ['hip', 'knee', 'ankle'])
+ARM = load_arm(
+    '<robot name="arm">' + ''.join(f'<link name="l{i}"/>' for i in range(7))
+    + joint('hip', 'l0', 'l1') + joint('knee', 'l1', 'l2') + joint('ankle', 'l2', 'l3')
+    + joint('brake', 'l3', 'l4')
+    + joint('double', 'l4', 'l5', '<mimic joint="knee" multiplier="-2" offset="0.5"/>')
+    + joint('braked', 'l5', 'l6', '<mimic joint="brake" offset="0.1"/>') + '</robot>',
+    ['hip', 'knee', 'ankle'])
 JOINTS = ('hip', 'knee', 'ankle')
+MIXED, WITH_MIMIC = ('ankle', 'hip', 'knee'), (*JOINTS, 'double')
 Q = {'hip': 0.1, 'knee': 0.2, 'ankle': 0.3, 'double': 0.1}
 V = {'hip': 1.0, 'knee': 2.0, 'ankle': 3.0, 'double': -4.0}
 TAU = {'hip': 10.0, 'knee': 20.0, 'ankle': 30.0, 'double': 7.0}
 
-orders = st.one_of(st.permutations(JOINTS), st.permutations((*JOINTS, 'double'))).map(tuple)
+orders = st.one_of(st.permutations(JOINTS), st.permutations(WITH_MIMIC)).map(tuple)
 
 
 def values(table, names):
@@ -82,12 +80,12 @@ def test_samples_with_a_mimic_joint():
     npt.assert_array_equal(order.positions(rows.ravel()), expected)
     rates = np.arange(12.0).reshape(4, 3)
     npt.assert_array_equal(
-        JointOrder(ARM, ('ankle', 'hip', 'knee')).rates(rates.ravel(), 4, 'velocity'),
+        JointOrder(ARM, MIXED).rates(rates.ravel(), 4, 'velocity'),
         rates[:, [1, 2, 0]])
 
 
 def test_no_rates_mean_rest():
-    for names in ((), (*JOINTS, 'double')):
+    for names in ((), WITH_MIMIC):
         order = JointOrder(ARM, names)
         npt.assert_array_equal(order.rate([], 'velocity'), np.zeros(3))
         npt.assert_array_equal(order.rates([], 4, 'velocity'), np.zeros((4, 3)))
@@ -120,7 +118,7 @@ def test_forms_have_every_axis_in_the_order_of_the_names(names):
 # --- mimic joints --------------------------------------------------------------------------------
 
 def test_a_mimic_joint_may_be_off_by_its_tolerance_and_no_more():
-    order = JointOrder(ARM, (*JOINTS, 'double'))
+    order = JointOrder(ARM, WITH_MIMIC)
     for sign in (-1, 1):
         near, far = sign * 0.99e-3, sign * 1.01e-3
         npt.assert_array_equal(order.position([0.1, 0.2, 0.3, 0.1 + near]), [0.1, 0.2, 0.3])
@@ -131,21 +129,30 @@ def test_a_mimic_joint_may_be_off_by_its_tolerance_and_no_more():
             order.rate([1, 2, 3, -4 + far], 'velocity')
 
 
-@pytest.mark.parametrize(('call', 'message'), [
-    (lambda order: order.position([0.1, 0.2, 0.3, 0.4]),
+@pytest.mark.parametrize(('names', 'call', 'message'), [
+    (WITH_MIMIC, lambda order: order.position([0.1, 0.2, 0.3, 0.4]),
      "position of mimic joint 'double' is 0.4, but it follows 'knee' "
      '(-2 × knee + 0.5 = 0.1), expected that value, or the joint left out'),
     # a rate has no offset
-    (lambda order: order.rate([1, 2, 3, 4], 'acceleration'),
+    (WITH_MIMIC, lambda order: order.rate([1, 2, 3, 4], 'acceleration'),
      "acceleration of mimic joint 'double' is 4, but it follows 'knee' "
      '(-2 × knee = -4), expected that value, or the joint left out'),
     # the worst of the samples
-    (lambda order: order.positions([[0, 0, 0, 0.5], [0, 0.5, 0, 0.75], [0, 1, 0, -1.4]]),
+    (WITH_MIMIC,
+     lambda order: order.positions([[0, 0, 0, 0.5], [0, 0.5, 0, 0.75], [0, 1, 0, -1.4]]),
      "position of mimic joint 'double' is 0.75, but it follows 'knee' "
      '(-2 × knee + 0.5 = -0.5), expected that value, or the joint left out'),
+    (MIXED, lambda order: order.position([1, np.nan, 3], 'start'),
+     'start[1] (hip) is nan, expected a finite number'),
+    (MIXED, lambda order: order.effort([1, 2, np.inf]),
+     'effort[2] (knee) is inf, expected a finite number'),
+    (MIXED, lambda order: order.positions([1, 2, 3, 4, np.nan, 6]),
+     'position[1][1] (hip) is nan, expected a finite number'),
+    (MIXED, lambda order: order.rates([1, 2, 3], 2, 'acceleration'),
+     'acceleration has 1 samples, expected 2 as position has, or none'),
 ])
-def test_message_on_a_mimic_joint(call, message):
-    order = JointOrder(ARM, (*JOINTS, 'double'))
+def test_message_on_values(names, call, message):
+    order = JointOrder(ARM, names)
     assert refusal(lambda: call(order)) == message
 
 
@@ -166,18 +173,3 @@ def test_message_on_a_mimic_joint(call, message):
 ])
 def test_message_on_names(names, message):
     assert refusal(lambda: JointOrder(ARM, names)) == message
-
-
-@pytest.mark.parametrize(('call', 'message'), [
-    (lambda order: order.position([1, np.nan, 3], 'start'),
-     'start[1] (hip) is nan, expected a finite number'),
-    (lambda order: order.effort([1, 2, np.inf]),
-     'effort[2] (knee) is inf, expected a finite number'),
-    (lambda order: order.positions([1, 2, 3, 4, np.nan, 6]),
-     'position[1][1] (hip) is nan, expected a finite number'),
-    (lambda order: order.rates([1, 2, 3], 2, 'acceleration'),
-     'acceleration has 1 samples, expected 2 as position has, or none'),
-])
-def test_message_on_values(call, message):
-    order = JointOrder(ARM, ('ankle', 'hip', 'knee'))
-    assert refusal(lambda: call(order)) == message

@@ -21,14 +21,8 @@ OLD = make_payload('tool0', 3.0, (0.1, 0.0, 0.0), np.diag((0.02, 0.03, 0.04)))
 NEW = make_payload('link2', 1.5, (0.0, 0.0, 0.3), np.diag((0.01, 0.01, 0.01)))
 
 
-def transition(
-    old: list[Payload], target: list[Payload], seconds: float = 2.0,
-) -> PayloadTransition:
-    return PayloadTransition(old, target, seconds)
-
-
 def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target():
-    way = transition([OLD], [NEW])
+    way = PayloadTransition([OLD], [NEW], 2.0)
     assert not way.done
     old, new = way.payloads(5 * SECOND)
     assert old.mass == OLD.mass
@@ -45,7 +39,7 @@ def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target():
 @laws
 @given(st.floats(0.0, 1.0))
 def test_mass_and_inertia_go_in_a_straight_line(fraction):
-    way = transition([OLD], [NEW])
+    way = PayloadTransition([OLD], [NEW], 2.0)
     way.payloads(0)
     loads = way.payloads(round(fraction * 2 * SECOND))
     s = round(fraction * 2 * SECOND) / (2 * SECOND)
@@ -58,7 +52,7 @@ def test_mass_and_inertia_go_in_a_straight_line(fraction):
 
 
 def test_a_load_that_stays_does_not_change_meanwhile():
-    way = transition([OLD], [OLD, NEW])
+    way = PayloadTransition([OLD], [OLD, NEW], 2.0)
     way.payloads(0)
     on_the_way = {load.link: load for load in merged(way.payloads(SECOND // 2))}
     assert on_the_way['tool0'].mass == pytest.approx(OLD.mass)
@@ -70,7 +64,7 @@ def test_a_load_that_stays_does_not_change_meanwhile():
 
 def test_stamps_of_today_keep_their_nanoseconds():
     now = 1_790_000_000 * SECOND
-    way = transition([], [NEW], 1e-6)
+    way = PayloadTransition([], [NEW], 1e-6)
     way.payloads(now)
     assert way.payloads(now + 250)[0].mass == pytest.approx(0.25 * NEW.mass)
 
@@ -78,7 +72,7 @@ def test_stamps_of_today_keep_their_nanoseconds():
 def test_transitions_that_cut_each_other_short_do_not_pile_up_loads():
     loads = [OLD]
     for i in range(20):
-        way = transition(loads, [(OLD, NEW)[i % 2]])
+        way = PayloadTransition(loads, [(OLD, NEW)[i % 2]], 2.0)
         way.payloads(0)
         loads = way.payloads(SECOND // 10)
     # one per link for the earlier payloads, and the newest target

@@ -10,7 +10,7 @@ The check `rotors`: effort limits that no drive could turn into acceleration.
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
-from one_joint_arm import text_stl
+from one_joint_arm import arm_of, inertial, LIMIT, text_stl
 import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model_check.checks import check_model
@@ -18,10 +18,7 @@ from robot_dynamics.model_check.mesh_bounds import MeshReader
 from robot_dynamics.model_check.rotor_check import check_rotors
 from robots import robot_urdf
 
-ARM = """<robot name="r"><link name="base"/><link name="arm"><inertial><mass value="{mass}"/>
-  <inertia ixx="0.1" iyy="0.1" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>{geometry}</link>
-  <joint name="hinge" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
-  <limit lower="-2" upper="2" effort="100" velocity="2"/></joint></robot>"""
+MOMENTS = (0.1, 0.1, 0.01)
 MESH = '<visual><geometry><mesh filename="a.stl" scale="0.1 0.1 0.1"/></geometry></visual>'
 
 
@@ -33,7 +30,7 @@ def box_of(litres, kind='collision'):
 
 def densities(mass, geometry, **options):
     """Return the messages on the density of a link; its inertia is not part of the check."""
-    found = check_model(ARM.format(mass=mass, geometry=geometry), **options)
+    found = check_model(arm_of(inertial(mass, MOMENTS), geometry=geometry), **options)
     return [f.message for f in found if f.check == 'density']
 
 
@@ -81,13 +78,14 @@ def test_a_mesh_counts_as_its_scaled_bounding_box(tmp_path):
     assert densities(24.1, MESH) == []
 
 
-HINGE = """<robot name="r"><link name="base"/><link name="arm"><inertial><mass value="1"/>
-  <inertia ixx="0.1" iyy="0.1" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="hinge" type="{kind}"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
-  <limit lower="-2" upper="2" effort="{effort}" velocity="2"/></joint></robot>"""
 WRISTS = {
     'ur10': ['wrist_1_joint', 'wrist_2_joint', 'wrist_3_joint'], 'ur5': [],
     'z1': ['joint6', 'jointGripper']}
+
+
+def hinge(kind, effort):
+    return arm_of(inertial(1.0, MOMENTS), LIMIT.replace('100', str(effort)), kind, axis='0 0 1',
+                  geometry='')
 
 
 def named(urdf, arm=None):
@@ -105,8 +103,7 @@ def test_a_mimic_joint_counts_at_its_leader():
 
 
 def test_the_message_has_both_figures_and_their_ratio():
-    finding, = (f for f in check_model(HINGE.format(kind='revolute', effort=40))
-                if f.check == 'rotors')
+    finding, = (f for f in check_model(hinge('revolute', 40)) if f.check == 'rotors')
     assert (finding.level, finding.where) == ('warning', 'hinge')
     assert finding.message == (
         "effort limit of joint 'hinge', 40 N·m, divided by its smallest inertia M_jj, "
@@ -119,7 +116,7 @@ def test_the_message_has_both_figures_and_their_ratio():
 @given(st.floats(0.0, 0.1), st.floats(1.0, 500.0))
 def test_a_rotor_that_is_known_counts(rotor, effort):
     """The bound is on the effort limit divided by the inertia of link and rotor."""
-    urdf = HINGE.format(kind='continuous', effort=effort)
+    urdf = hinge('continuous', effort)
     arm = load_arm(urdf).with_reflected_inertia([rotor])
     is_named = effort > 2500.0 * (0.01 + rotor)
     findings = list(check_rotors(arm, 0.01 + arm.reflected_inertia))
@@ -130,7 +127,7 @@ def test_a_rotor_that_is_known_counts(rotor, effort):
 
 def test_joints_without_limit_or_mass_and_slides_are_skipped():
     for kind, effort in (('revolute', 0), ('prismatic', 1e6)):
-        assert named(HINGE.format(kind=kind, effort=effort)) == []
-    massless = HINGE.format(kind='revolute', effort=40).replace('izz="0.01"', 'izz="0"')
+        assert named(hinge(kind, effort)) == []
+    massless = hinge('revolute', 40).replace('izz="0.01"', 'izz="0"')
     assert {f.check for f in check_model(massless) if f.level == 'error'} == {'inertia'}
     assert named(massless) == []

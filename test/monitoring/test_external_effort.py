@@ -12,24 +12,18 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.effort_convention import joint_from_measured, measured_from_joint
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.momentum_observer import MomentumObserver
-from robot_dynamics.planar.urdf import planar_arm_urdf
-from simulated_arms import released
+from simulated_arms import released, three_links
 
 BANDWIDTH = 8.0
 K = 2.0 * math.pi * BANDWIDTH
 START = np.array([0.8, 0.5, -0.4])
 PUSH = ExternalWrench('tool0', np.array([15.0, 4.0, -6.0]), np.array([0.0, 2.0, 0.0]))
-
-
-def three_links() -> ArmModel:
-    return load_arm(planar_arm_urdf([4.0, 2.0, 1.0], [0.8, 0.6, 0.4], [0.4, 0.3, 0.2],
-                                    [0.2, 0.06, 0.02]))
 
 
 def with_everything(arm: ArmModel) -> ArmModel:

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import numpy.testing as npt
-from planar_chains import assert_close, first_derivative
+from planar_chains import A, ARM, assert_close, first_derivative, PRINTED, Q, V
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar import two_link as planar
@@ -22,11 +22,6 @@ from robot_dynamics.planar.two_link import PlanarTwoLink
 PROJECT = Path(__file__).resolve().parents[2]
 PAGE = PROJECT / 'docs' / 'planar_arm.md'
 
-ARM = PlanarTwoLink()
-Q = np.array([math.pi / 4, math.pi / 6])
-V = np.array([0.5, 0.3])
-A = np.array([0.1, 0.2])
-PRINTED = 5e-9  # half of the last of the eight decimals of the example
 
 
 def pairs(limit):

@@ -8,15 +8,14 @@ from itertools import pairwise
 import re
 from typing import Any
 
+from controller_bench import ARM, NAMES
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import TrajectoryError
-from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.references.motion_limits import MotionLimits, WorkspaceInertia
 from robot_dynamics.references.path_conditioning import feasible_trajectory
 from robot_dynamics.trajectories.efforts import efforts_along
@@ -25,8 +24,7 @@ from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic
 from robot_dynamics.trajectories.segments import TrajectorySegments
 from sampled_segment import sample_segment
 
-NAMES = ('joint1', 'joint2')
-ARM = load_arm(default_arm_urdf())
+DYNAMICS = ArmDynamics(ARM)
 TOLERANCE = 1.0001
 """Largest ratio to a limit at the points and between them."""
 
@@ -35,17 +33,12 @@ angles = st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=2).map(np.array)
 
 
 @cache
-def dynamics() -> ArmDynamics:
-    return ArmDynamics(ARM)
-
-
-@cache
 def limits() -> MotionLimits:
-    return WorkspaceInertia(dynamics()).motion_limits(ARM.limits.effort, ARM.limits.effort / 0.1)
+    return WorkspaceInertia(DYNAMICS).motion_limits(ARM.limits.effort, ARM.limits.effort / 0.1)
 
 
 def conditioned(sent: JointTrajectory, **options: Any) -> tuple[JointTrajectory, float]:
-    return feasible_trajectory(dynamics(), sent, limits(), **options)
+    return feasible_trajectory(DYNAMICS, sent, limits(), **options)
 
 
 def path(times: list[float], q: Any, v: Any = ()) -> JointTrajectory:
@@ -161,7 +154,7 @@ def test_up_to_nine_points_are_passed_exactly(count, is_exact):
 def test_a_feasible_trajectory_is_the_same_object(start, goal, duration):
     sent = quintic_via_points(NAMES, [0.0, 0.5 * duration, duration],
                               [start, 0.5 * (start + goal), goal])
-    assume(efforts_along(dynamics(), sent).feasible)
+    assume(efforts_along(DYNAMICS, sent).feasible)
     for slows_down in (False, True):
         found, slowness = conditioned(sent, slows_down=slows_down)
         assert found is sent
@@ -184,7 +177,7 @@ def test_an_infeasible_trajectory_is_rejected_with_joint_time_and_ratio(duration
         assert float(found[3]) == pytest.approx(exact, rel=1e-2)
         assert float(found[4]) == pytest.approx(0.5 * duration, rel=1e-2)
     else:
-        efforts = efforts_along(dynamics(), sent)
+        efforts = efforts_along(DYNAMICS, sent)
         assert float(found[3]) == pytest.approx(efforts.worst_ratio, rel=1e-2)
     assert 'slow_down' in str(caught.value)
 
@@ -206,7 +199,7 @@ def test_an_infeasible_trajectory_that_is_slowed_down_has_the_same_path(
             # The times are whole nanoseconds, in which the arm moves by up to 10 nrad.
             assert actual.position == pytest.approx(expected.position, abs=1e-8)
             assert slowness * actual.velocity == pytest.approx(expected.velocity, abs=1e-6)
-    assert efforts_along(dynamics(), found).worst_ratio <= 1.0 + 1e-5
+    assert efforts_along(DYNAMICS, found).worst_ratio <= 1.0 + 1e-5
     for _, v in dense(found):
         assert (np.abs(v) <= TOLERANCE * ARM.limits.velocity).all()
     if slowness > 1.1:  # it is not slowed down more than needed
@@ -222,7 +215,7 @@ def test_an_infeasible_trajectory_that_is_slowed_down_has_the_same_path(
 
 def test_a_lower_effort_scale_leaves_less():
     sent = quintic_point_to_point(NAMES, [0.0, 0.0], [0.3, 0.1], 2.0)
-    ratio = efforts_along(dynamics(), sent).worst_ratio
+    ratio = efforts_along(DYNAMICS, sent).worst_ratio
     assert conditioned(sent, effort_limit_fraction=1.01 * ratio)[0] is sent
     with pytest.raises(TrajectoryError, match='effort'):
         conditioned(sent, effort_limit_fraction=0.99 * ratio)

@@ -60,10 +60,6 @@ class Case(NamedTuple):
     plan: Plan
     goals: FloatArray
 
-    @property
-    def has_whole_limits(self) -> bool:
-        return self.kind in ('target', 'path')
-
     def joints(self) -> Iterator['JointCase']:
         for j in range(len(self.start.position)):
             state = tuple(float(x[j]) for x in self.start)
@@ -212,7 +208,7 @@ def check_limits(joint: JointCase) -> None:
     """Check velocity, acceleration and jerk; only the start, or its stop, may exceed a limit."""
     bounds, found, a = joint.earliest_stop()[1], joint.found, joint.state[2]
     stopping = joint.stop(joint.full)
-    if joint.case.has_whole_limits:
+    if joint.case.kind in ('target', 'path'):
         bounds = joint.whole
     assert found.v_max <= RATIO * max(bounds.v_max, stopping.v_max)
     assert found.v_min >= RATIO * min(bounds.v_min, stopping.v_min)

@@ -13,10 +13,10 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robots import robot_urdf
-from simulated_arms import COM, INERTIA, LENGTH, MASS, released, two_link
+from simulated_arms import COM, INERTIA, LENGTH, MASS, released, rubbing, two_link
 
 
 def exact_motion(
@@ -223,27 +223,18 @@ REFLECTED_INERTIA = 0.2
 """Of each motor on its joint [kg·m²]."""
 
 
-def bare() -> ArmModel:
-    return load_arm(default_arm_urdf())
-
-
-def rubbing() -> ArmModel:
-    arm = bare()
-    return arm.with_friction(make_friction(
-        arm.joint_names, viscous=[1.0, 0.4], coulomb=[2.0, 0.8], static=[3.0, 1.2],
-        stribeck_velocity=[0.05]))
+RUBBING = rubbing(two_link(), viscous=[1.0, 0.4], coulomb=[2.0, 0.8], static=[3.0, 1.2],
+                  stribeck_velocity=[0.05])
 
 
 def driven(**changes: list[float]) -> ArmModel:
     """Return an arm whose motors have inductance: their current is a state variable."""
-    arm = rubbing()
-    return arm.with_actuators(make_actuators(arm.joint_names, **{
+    return RUBBING.with_actuators(make_actuators(RUBBING.joint_names, **{
         'torque_constant': [0.05], 'gear_ratio': [100.0], 'resistance': [0.8],
         'inductance': [4e-4], 'rotor_inertia': [REFLECTED_INERTIA / 1e4], **changes}))
 
 
-def with_backlash() -> ArmModel:
-    return driven(backlash=[0.3], restitution=[0.5])
+WITH_BACKLASH = driven(backlash=[0.3], restitution=[0.5])
 
 
 def moving(arm: ArmModel) -> ArmSimulation:
@@ -255,7 +246,7 @@ def moving(arm: ArmModel) -> ArmSimulation:
 
 
 def test_every_joint_and_motor_stops_in_place():
-    simulation = moving(with_backlash())
+    simulation = moving(WITH_BACKLASH)
     # a motor within its gap moves on its own
     assert np.abs(simulation.motor_state.velocity - simulation.v).max() > 0.1
     q, theta = simulation.state.position, simulation.motor_state.position
@@ -269,12 +260,12 @@ def test_every_joint_and_motor_stops_in_place():
         simulation.wait(0.1, [ExternalWrench('tool0', np.array([50.0, 0.0, 0.0]), np.zeros(3))])
 
 
-@pytest.mark.parametrize('make_arm', [rubbing, with_backlash])
-def test_the_motion_of_links_and_rotors_becomes_heat(make_arm):
-    simulation = moving(make_arm())
+@pytest.mark.parametrize('arm', [RUBBING, WITH_BACKLASH], ids=['links', 'links and rotors'])
+def test_the_motion_of_links_and_rotors_becomes_heat(arm):
+    simulation = moving(arm)
     v, omega = simulation.v, simulation.motor_state.velocity
     rotors = REFLECTED_INERTIA if simulation.arm.actuators is not None else 0.0
-    links = ArmDynamics(bare()).rigid_body.mass_matrix(simulation.q)
+    links = ArmDynamics(two_link()).rigid_body.mass_matrix(simulation.q)
     expected = 0.5 * float(v @ links @ v + rotors * omega @ omega)
     (kinetic, potential), heat, work = simulation.energy, simulation.heat, simulation.work
     simulation.brake()
@@ -298,7 +289,7 @@ def test_it_continues_like_an_arm_that_starts_there():
 
 
 def test_brakes_that_are_closed_already_change_nothing():
-    simulation = ArmSimulation(bare(), START, (0.3, -0.2))  # to be released in motion
+    simulation = ArmSimulation(two_link(), START, (0.3, -0.2))  # to be released in motion
     simulation.brake()
     assert simulation.heat == 0.0
     assert simulation.v.tolist() == [0.3, -0.2]

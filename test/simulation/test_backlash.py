@@ -13,7 +13,7 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from simulated_arms import released, rubbing
+from simulated_arms import one_link, released, rubbing
 
 CONTACT_TIME = 2e-4
 """[s] within which the contact force must separate teeth that bounce."""
@@ -84,11 +84,6 @@ def geared(arm: ArmModel, **changes: list[float]) -> ArmModel:
     return arm.with_actuators(make_actuators(arm.joint_names, **{
         'torque_constant': [0.05], 'gear_ratio': [100.0], 'rotor_inertia': [J / 1e4],
         'backlash': [GAP], **changes}))
-
-
-def one_link(**changes: list[float]) -> ArmModel:
-    arm = load_arm(planar_arm_urdf([2.0], [1.0], [0.5], [0.1]), gravity=(0.0, 0.0, 0.0))
-    return geared(arm, **changes)
 
 
 def links(n: int, gravity: float = 9.81) -> ArmModel:
@@ -205,8 +200,8 @@ def test_no_energy_comes_or_goes():
 def test_a_joint_under_a_servo_moves_as_solved_piece_by_piece(restitution, accuracy):
     """A PD law on the joint, with its effort held for each millisecond, oscillates in the gap."""
     viscous, gap, h = 0.5, 0.02, 1e-3
-    simulation = released(rubbing(
-        one_link(restitution=[restitution], backlash=[gap]), viscous=[viscous]))
+    simulation = released(geared(
+        one_link(viscous), restitution=[restitution], backlash=[gap]))
     exact, worst = ExactJoint(viscous, 0.5 * gap, restitution), 0.0
     for k in range(1200):
         goal = 0.2 * np.sin(2.0 * np.pi * k * h)
@@ -252,4 +247,4 @@ def test_events_do_not_cost_the_method_its_order(restitution):
 ])
 def test_invalid_values_are_rejected_by_name(changes, words):
     with pytest.raises(InvalidInputError, match=words):
-        one_link(**changes)
+        geared(one_link(), **changes)

@@ -6,17 +6,16 @@
 from functools import cache, partial
 from typing import Any
 
+from controller_bench import ARM
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import arm_without_gripper
 from simulated_arms import block, released, rubbing
 
-ARM = load_arm(default_arm_urdf())
 panda = cache(partial(arm_without_gripper, 'panda'))
 POSE = np.array([0.3, -0.4, 0.2, -1.8, 0.5, 1.6, 0.4])
 DAMPING_RATIO = 0.2

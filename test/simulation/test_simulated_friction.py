@@ -9,6 +9,7 @@ The motion of a block on a rail with dry friction is known in closed form.
 
 from typing import Any
 
+from controller_bench import ARM, NAMES
 import numpy as np
 from optional_library import library
 import pytest
@@ -17,7 +18,7 @@ from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.plant import InnerController
 from robots import robot_urdf
@@ -92,16 +93,12 @@ def test_falling_friction_is_followed_where_viscous_friction_is_stiff(v0, tau):
 
 
 MASS, GRAVITY = 2.0, 9.81
-ARM = load_arm(default_arm_urdf())
-NAMES = ARM.joint_names
 
 
-def lift(
-    sigmoid: float, width: float, load_fraction: float, viscous: float = 0.0,
-) -> ArmModel:
+def lift(sigmoid: float, width: float, load_fraction: float) -> ArmModel:
     """Return a mass on a vertical rail: its gears bear the same load everywhere."""
     return block(
-        MASS, (0.0, 0.0, 1.0), viscous=viscous, sigmoid=sigmoid, sigmoid_velocity=width,
+        MASS, (0.0, 0.0, 1.0), sigmoid=sigmoid, sigmoid_velocity=width,
         load_coefficient=load_fraction)
 
 

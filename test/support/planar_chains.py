@@ -1,13 +1,22 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Planar chains for the tests: random chains, as a URDF, and rotated in space."""
+"""Planar chains for the tests: the example of the page, random chains, as a URDF, and rotated."""
 
+import math
 from xml.etree import ElementTree
 
 import numpy as np
 import numpy.testing as npt
-from robot_dynamics.planar import planar_arm_urdf, PlanarChain
+from robot_dynamics.planar import planar_arm_urdf, PlanarChain, PlanarTwoLink
+
+ARM = PlanarTwoLink()
+Q = np.array([math.pi / 4, math.pi / 6])
+V = np.array([0.5, 0.3])
+A = np.array([0.1, 0.2])
+"""The worked example of docs/planar_arm.md."""
+PRINTED = 5e-9
+"""Half of the last of the eight decimals of the example."""
 
 
 def random_chain(seed, n):

@@ -17,7 +17,6 @@ from pathlib import Path
 import select
 import subprocess
 import sys
-from types import TracebackType
 from typing import Any
 
 import children
@@ -86,10 +85,7 @@ class ClientProcess:
     def __enter__(self) -> 'ClientProcess':
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is not None:
             self.kill()
             return

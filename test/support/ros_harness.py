@@ -18,7 +18,6 @@ import sys
 import tempfile
 import threading
 import time
-from types import TracebackType
 from typing import Any
 
 from blocked_ends import is_excused
@@ -173,10 +172,7 @@ class NodeProcess:
     def __enter__(self) -> 'NodeProcess':
         return self.start()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is None:
             self.stop()
             return

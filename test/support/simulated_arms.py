@@ -34,6 +34,12 @@ def one_link(viscous: float = 0.0, coulomb: float = 0.0) -> ArmModel:
         gravity=(0.0, 0.0, 0.0))
 
 
+def three_links() -> ArmModel:
+    """Return a planar arm of three links, without friction."""
+    return load_arm(planar_arm_urdf(
+        [4.0, 2.0, 1.0], [0.8, 0.6, 0.4], [0.4, 0.3, 0.2], [0.2, 0.06, 0.02]))
+
+
 def rubbing(arm: ArmModel, **friction: Any) -> ArmModel:
     return arm.with_friction(make_friction(arm.joint_names, **friction))
 

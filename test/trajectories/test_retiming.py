@@ -56,10 +56,6 @@ def planar(times: Any = (0.0, 1.0), q: Any = TWO, *rows: Any) -> JointTrajectory
     return make_trajectory(PLANAR.arm.joint_names, times, q, *rows)
 
 
-def slowed_down(dynamics: ArmDynamics, request: JointTrajectory, **options: Any) -> Retiming:
-    return retime(dynamics, request, 'slow_down', **options)
-
-
 # --- invariants ----------------------------------------------------------------------------------
 
 def request_of(form: str, arm: ArmModel, q: np.ndarray) -> JointTrajectory:
@@ -84,7 +80,7 @@ def check(dynamics: ArmDynamics, request: JointTrajectory, share: float = 1.0) -
     open_limits = MotionLimits(*np.full((5, dynamics.arm.joint_count), OPEN))
     followed, slowness = feasible_trajectory(dynamics, trajectory, open_limits, share)
     assert (followed, slowness) == (trajectory, 1.0)  # the node does not reject it
-    slow = slowed_down(dynamics, request, effort_limit_fraction=share)
+    slow = retime(dynamics, request, 'slow_down', effort_limit_fraction=share)
     assert result.duration <= slow.duration * (1.0 + 1e-4)
     assert largest_ratio(dynamics.arm, slow.trajectory, share) < 1.0 + 1e-4
     assert len(result.limiting_joint) == len(result.limited_quantity) == len(trajectory.points)
@@ -177,7 +173,7 @@ def test_a_path_rests_where_it_turns_back():
 @pytest.mark.parametrize('duration', [0.2, 0.5, 5.0])
 def test_the_slow_down_is_the_smallest(duration):
     path = quintic_point_to_point(PLANAR.arm.joint_names, [0.0, 0.0], [1.0, 0.5], duration)
-    result = slowed_down(PLANAR, path)
+    result = retime(PLANAR, path, 'slow_down')
     if duration == 5.0:  # feasible
         assert result.ratio == 1.0
         assert np.array_equal(*([point.position for point in one.points] for one in (

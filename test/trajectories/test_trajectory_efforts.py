@@ -21,13 +21,6 @@ DYNAMICS = ArmDynamics(load_arm(default_arm_urdf()))
 LIMITS = np.array([150.0, 60.0])
 
 
-def trajectory(
-    times: list[float], q: list[list[float]], v: list[list[float]] | None = None,
-    a: list[list[float]] | None = None,
-) -> JointTrajectory:
-    return make_trajectory(NAMES, times, q, v or (), a or (), NAMES)
-
-
 def densely(path: JointTrajectory, count: int) -> tuple[np.ndarray, ...]:
     """Return times, position, velocity and acceleration at `count` samples of each segment."""
     rows = []
@@ -117,19 +110,20 @@ def test_one_quick_segment_among_thousands():
     assert times[2999] < result.worst_time < times[3000]
 
 
-@pytest.mark.parametrize(('path', 'motions'), [
-    (trajectory([0.0], [[1.0, 0.5]]), [([1.0, 0.5], [0.0, 0.0], [0.0, 0.0])]),
-    (trajectory([0.0, 0.5], [[0.4, 0.3], [1.0, -0.5]], [[0.1, 0.2], [0.0, 0.0]], [[3.0, 4.0]] * 2),
+@pytest.mark.parametrize(('points', 'motions'), [
+    (([0.0], [[1.0, 0.5]]), [([1.0, 0.5], [0.0, 0.0], [0.0, 0.0])]),
+    (([0.0, 0.5], [[0.4, 0.3], [1.0, -0.5]], [[0.1, 0.2], [0.0, 0.0]], [[3.0, 4.0]] * 2),
      [([0.4, 0.3], [0.1, 0.2], [3.0, 4.0]), ([1.0, -0.5], [0.0, 0.0], [3.0, 4.0])]),
-    (trajectory([0.0, 0.5], [[0.0, 0.3], [1.0, -0.5]]),
+    (([0.0, 0.5], [[0.0, 0.3], [1.0, -0.5]]),
      [([0.0, 0.3], [2.0, -1.6], [0.0, 0.0]), ([1.0, -0.5], [0.0, 0.0], [0.0, 0.0])]),
-    (trajectory([0.0, 0.5], [[0.0, 0.0], [1.0, -0.5]], [[0.0, 0.0]] * 2),
+    (([0.0, 0.5], [[0.0, 0.0], [1.0, -0.5]], [[0.0, 0.0]] * 2),
      [([0.0, 0.0], [0.0, 0.0], [24.0, -12.0]), ([1.0, -0.5], [0.0, 0.0], [0.0, 0.0])]),
 ], ids=['held point', 'quintic', 'line', 'cubic'])
-def test_a_point_has_the_motion_of_its_interpolation(path, motions):
+def test_a_point_has_the_motion_of_its_interpolation(points, motions):
     """A cubic begins with 6 (q1 - q0) / T²; after the last point the reference is at rest."""
     expected = [DYNAMICS.inverse_dynamics(*motion) for motion in motions]
-    assert efforts_along(DYNAMICS, path).efforts == pytest.approx(np.array(expected))
+    found = efforts_along(DYNAMICS, make_trajectory(NAMES, *points)).efforts
+    assert found == pytest.approx(np.array(expected))
 
 
 def test_without_limits_everything_is_feasible():

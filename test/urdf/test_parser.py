@@ -191,18 +191,14 @@ def test_transmissions_without_a_ratio_of_one_joint_are_ignored(inside):
     assert arm_with(transmission(inside)).gear_ratios == {}
 
 
-@pytest.mark.parametrize('text', ['fifty', '', '0.0', 'nan'])
-def test_an_invalid_reduction_is_rejected_by_joint_and_text(text):
-    arm = arm_with(transmission(f'{JOINT1}<actuator name="m">{reduction(text)}</actuator>'))
-    with pytest.raises(ModelError, match=re.escape(
-            f"transmission of joint 'joint1': mechanicalReduction is {text!r}, expected")):
-        _ = arm.gear_ratios
-
-
-def test_two_motors_with_gears_of_their_own_are_refused():
-    arm = arm_with(''.join(
-        transmission(f'{JOINT1}<actuator name="m">{reduction(n)}</actuator>') for n in (60, 50)))
-    with pytest.raises(ModelError, match=r"joint 'joint1' state the reductions \[50.0, 60.0\]"):
+@pytest.mark.parametrize(('texts', 'words'), [
+    *(([text], f"transmission of joint 'joint1': mechanicalReduction is {text!r}, expected")
+      for text in ('fifty', '', '0.0', 'nan')),
+    ([60, 50], "joint 'joint1' state the reductions [50.0, 60.0]")])  # two motors with own gears
+def test_invalid_reductions_are_rejected_by_joint_and_text(texts, words):
+    arm = arm_with(''.join(transmission(
+        f'{JOINT1}<actuator name="m">{reduction(text)}</actuator>') for text in texts))
+    with pytest.raises(ModelError, match=re.escape(words)):
         _ = arm.gear_ratios
 
 

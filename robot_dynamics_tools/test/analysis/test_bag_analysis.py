@@ -7,11 +7,17 @@ A recording compared with the model: known motions, and the real one of a UR10.
 Drives that take a position and report no effort: it follows from command and position.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from recordings import encoded, KnownMotion, serialized, write_recording, write_topics
+from recordings import (
+    encoded,
+    KnownMotion,
+    needs_ur10,
+    serialized,
+    UR10,
+    write_recording,
+    write_topics,
+)
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
@@ -30,7 +36,6 @@ from robots import robot_urdf
 # A warning of numpy indicates a number that the code did not check.
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
 
-UR10 = Path(__file__).parents[4] / 'shared' / 'data' / 'ur10'
 URDF = default_arm_urdf()
 MOTION = KnownMotion()
 HANGING = KnownMotion(rest=(np.pi, 0.0))
@@ -210,9 +215,8 @@ def test_efforts_of_drives_are_converted_by_the_parameters(tmp_path):
 
 # --- a real arm ----------------------------------------------------------------------------------
 
+@needs_ur10
 def test_the_urdf_of_a_real_ur10_leaves_a_third_to_all_of_the_effort():
-    if not UR10.is_dir():
-        pytest.skip('the recording of a UR10 is not here')
     analysis = analyze_recording(UR10, AnalysisSettings(robot_urdf('ur10')))
     assert len(analysis.motion.stamps_ns) == 3441
     assert (analysis.statistics.relative > 0.32).all()
@@ -226,13 +230,13 @@ NUMBERS = 'std_msgs/msg/Float64MultiArray'
 
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
-    """Return a recording of position drives with a delay of 24 ms and friction."""
+    """Return a recording of position drives with a delay of 24 ms and friction, and commands."""
     motion = KnownMotion(seconds=15.0, rest=0.6)
     needed = motion.q + (motion.tau + 4.0 * motion.v + 0.5 * np.tanh(motion.v / 0.02)) / STIFFNESS
     states, sent = motion.stamps_ns, motion.stamps_ns - 24_000_000
     return write_topics(tmp_path_factory.mktemp('servo') / 'bag', {
         '/joint_states': encoded(states, motion.names, motion.q),
-        '/commands': encoded(sent, motion.names, needed)}), motion
+        '/commands': encoded(sent, motion.names, needed)}), motion, (sent, needed)
 
 
 def settings(stiffness=STIFFNESS, topic='/commands'):
@@ -241,7 +245,7 @@ def settings(stiffness=STIFFNESS, topic='/commands'):
 
 
 def test_the_effort_is_that_of_the_drive_after_its_delay(bag):
-    path, motion = bag
+    path, motion, _ = bag
     read = read_for_arm(path, settings())
     (line,) = [line for line in read.remarks if line.startswith('effort: drive.stiffness times')]
     assert int(line.split()[-2]) == pytest.approx(24, abs=4)
@@ -270,7 +274,7 @@ def test_wrong_input_is_named(bag):
 
 
 def test_identify_finds_masses_and_stiffness_without_effort(bag, tmp_path):
-    path, motion = bag
+    path, _, _ = bag
     (tmp_path / 'arm.urdf').write_text(default_arm_urdf(), encoding='utf-8')
     arguments = [str(path), '--urdf', str(tmp_path / 'arm.urdf'), '--command-topic', '/commands']
     assert identify.main([*arguments, '-o', str(tmp_path / 'out'), '--jobs', '1']) == 0
@@ -281,27 +285,23 @@ def test_identify_finds_masses_and_stiffness_without_effort(bag, tmp_path):
 
 
 def test_commands_of_other_types(bag, tmp_path):
-    path, motion = bag
-    with Recording(path) as recording:
-        sent = recording.joint_series('/commands')
+    _, motion, (sent, needed) = bag
     types = common_types()
     layout = types.types['std_msgs/msg/MultiArrayLayout'](dim=[], data_offset=0)
-    times = sent.stamps_ns.tolist()
+    times = sent.tolist()
     write_topics(tmp_path / 'numbers', {'/numbers': [
         (time, bytes(types.serialize_cdr(types.types[NUMBERS](layout=layout, data=row), NUMBERS)))
-        for time, row in zip(times, sent.position)]}, kind=NUMBERS)
+        for time, row in zip(times, needed)]}, kind=NUMBERS)
     with Recording(tmp_path / 'numbers') as recording:
         found = position_drives.commands(recording, '/numbers', motion.names)
     assert found.stamps_ns.tolist() == times
-    assert found.position == pytest.approx(sent.position)
+    assert found.position == pytest.approx(needed)
 
 
 def test_the_command_of_a_csv_file(bag, tmp_path):
-    path, motion = bag
-    with Recording(path) as recording:
-        sent = recording.joint_series('/commands')
-    rows = np.searchsorted(sent.stamps_ns, motion.stamps_ns, side='right') - 1
-    columns = [motion.stamps_ns * 1e-9, *motion.q.T, *sent.position[np.maximum(rows, 0)].T]
+    _, motion, (sent, needed) = bag
+    rows = np.searchsorted(sent, motion.stamps_ns, side='right') - 1
+    columns = [motion.stamps_ns * 1e-9, *motion.q.T, *needed[np.maximum(rows, 0)].T]
     names = ['time', *motion.names, *(f'{name}.command' for name in motion.names)]
     table = tmp_path / 'servo.csv'
     np.savetxt(table, np.column_stack(columns), delimiter=',', header=','.join(

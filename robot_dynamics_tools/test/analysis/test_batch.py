@@ -35,11 +35,6 @@ def configuration(tmp_path):
     return {'factor': 2.0, 'log': str(tmp_path / 'log')}
 
 
-def calls(configuration):
-    path = Path(configuration['log'])
-    return sorted(path.read_text().split()) if path.exists() else []
-
-
 def test_results_come_in_order_and_failures_are_listed(bags, configuration):
     reported = []
     outcomes = run_tasks(
@@ -57,7 +52,6 @@ def test_a_process_that_dies_loses_only_its_own_task(bags, configuration):
         tasks.measure, bags('one', 'die', 'three', 'refuse'), configuration, workers=2)
     assert [bool(outcome.error) for outcome in outcomes] == [False, True, False, True]
     assert 'its process died' in outcomes[1].error
-    import os
     for outcome in (outcomes[0], outcomes[2]):
         assert outcome.result['process'] != os.getpid()
         assert outcome.result['one_thread'] == '1'
@@ -73,7 +67,8 @@ def test_a_cached_result_is_used_unless_an_input_changed(bags, configuration, tm
         return [outcome.resumed for outcome in outcomes], outcomes
 
     assert run()[0] == [False, False, False]
-    assert calls(configuration) == ['b0.db3', 'b1.db3', 'b2.db3']
+    assert sorted(Path(configuration['log']).read_text().split()) == [
+        'b0.db3', 'b1.db3', 'b2.db3']
     resumed, outcomes = run()
     assert resumed == [True, True, False]  # a failure is repeated
     np.testing.assert_array_equal(outcomes[0].result['factor'], [0.0, 2.0, 4.0])
@@ -178,12 +173,9 @@ def test_a_dask_cluster_gives_the_same(bags, configuration, tmp_path):
             n_workers=1, threads_per_worker=1, dashboard_address=None,
             host='127.0.0.1') as cluster:
         reported = []
-        outcomes = run_tasks(
+        outcomes, again = (run_tasks(
             tasks.measure, paths, configuration, dask=cluster.scheduler_address,
-            cache=tmp_path / 'kept', on_done=reported.append)
-        again = run_tasks(
-            tasks.measure, paths, configuration, dask=cluster.scheduler_address,
-            cache=tmp_path / 'kept')
+            cache=tmp_path / 'kept', on_done=done) for done in (reported.append, None))
     assert [outcome.bag for outcome in outcomes] == paths
     assert [outcome.error for outcome in outcomes] == ['', 'this one cannot be read', '']
     assert [outcome.result and outcome.result['size'] for outcome in outcomes] == [3, None, 5]

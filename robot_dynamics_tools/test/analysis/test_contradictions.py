@@ -3,14 +3,13 @@
 
 """Recordings that contradict the arm: each tool names the likely cause."""
 
-from pathlib import Path
 import re
 
 from arm_motions import fourier_motion, moves_with_pauses
 from identification_bench import changed_arm, lugre_friction, rigid_effort, series_of
 import numpy as np
 import pytest
-from recordings import encoded, KnownMotion, write_recording
+from recordings import encoded, KnownMotion, needs_ur10, UR10, write_recording
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
@@ -25,7 +24,6 @@ from robot_dynamics_tools.identification.bag_identification import (
 from robot_dynamics_tools.payload_estimation.recordings import estimate_from_bags
 from robots import JOINTS, robot_urdf
 
-UR10 = Path(__file__).parents[3] / '../shared/data/ur10'
 URDF = robot_urdf('ur10')
 MOTION = KnownMotion(urdf=URDF, rest=-0.8)
 SETTINGS = AnalysisSettings(urdf=URDF)
@@ -155,7 +153,7 @@ def test_a_clean_recording_of_another_friction_has_no_cause(robot, moves):
         arm, filter_motion(series_of(arm, states, effort + noise))) == (0.0, ())
 
 
-@pytest.mark.skipif(not UR10.is_dir(), reason='the recording of a UR10 is missing')
+@needs_ur10
 def test_the_recording_of_a_real_arm_has_no_cause():
     read = read_for_arm(UR10, SETTINGS)
     assert find_contradictions(read.arm, filter_motion(read.series)) == (0.0, ())

@@ -112,16 +112,14 @@ def test_a_velocity_that_contradicts_the_position_is_not_used(kind):
     assert filter_motion(series(TIMES, Q, noisy)).differentiated == ()
 
 
-def test_bad_input():
-    with pytest.raises(RecordingError, match='has no position'):
-        filter_motion(series(TIMES, None, V))
-    with pytest.raises(RecordingError, match='has 19 samples, expected at least 20'):
-        filter_motion(series(TIMES[:19], Q[:19]))
-    with pytest.raises(RecordingError, match='no joint moves'):
-        filter_motion(series(TIMES, np.zeros_like(Q)))
-    with pytest.raises(RecordingError, match='without a gap'):
-        filter_motion(series(TIMES[:50], Q[:50]), cutoff_hz=1.0)
-    with pytest.raises(InvalidInputError, match='cutoff is 40 Hz, expected at most 20 Hz'):
-        filter_motion(series(TIMES, Q), cutoff_hz=40.0)
-    with pytest.raises(InvalidInputError, match='cutoff is -1'):
-        filter_motion(series(TIMES, Q), cutoff_hz=-1.0)
+@pytest.mark.parametrize(('given', 'cutoff', 'error', 'words'), [
+    ((TIMES, None, V), None, RecordingError, 'has no position'),
+    ((TIMES[:19], Q[:19]), None, RecordingError, 'has 19 samples, expected at least 20'),
+    ((TIMES, np.zeros_like(Q)), None, RecordingError, 'no joint moves'),
+    ((TIMES[:50], Q[:50]), 1.0, RecordingError, 'without a gap'),
+    ((TIMES, Q), 40.0, InvalidInputError, 'cutoff is 40 Hz, expected at most 20 Hz'),
+    ((TIMES, Q), -1.0, InvalidInputError, 'cutoff is -1'),
+])
+def test_bad_input(given, cutoff, error, words):
+    with pytest.raises(error, match=words):
+        filter_motion(series(*given), cutoff)

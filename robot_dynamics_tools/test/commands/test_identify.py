@@ -4,7 +4,6 @@
 """The tool `identify`: its files, its messages, and a real node with its files."""
 
 import json
-from pathlib import Path
 import re
 import sys
 
@@ -12,7 +11,7 @@ from arm_motions import fourier_motion
 from identification_bench import changed_arm, rigid_effort
 import numpy as np
 import pytest
-from recordings import encoded, START_NS, write_recording
+from recordings import encoded, needs_ur10, START_NS, UR10, write_recording
 from report_page import ReportPage
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -29,7 +28,6 @@ from robots import robot_urdf
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 
-UR10 = Path(__file__).parents[3] / '../shared/data/ur10'
 PUBLISHED = np.array([21.6, 5.9, 4.6, 9.6, 20.2, 25.7]) / 100.0
 """Residuals of the published model of that arm, on the last 40 % of those samples."""
 CONSISTENT = 1.2
@@ -243,9 +241,8 @@ def test_mistakes_are_reported(tmp_path, short, urdf, capsys, arguments, words):
 
 # --- a real arm ----------------------------------------------------------------------------------
 
+@needs_ur10
 def test_a_real_ur10():
-    if not UR10.exists():
-        pytest.skip(f'the recording of a real UR10 is not at {UR10}')
     read = read_for_arm(UR10, AnalysisSettings(urdf=robot_urdf('ur10')))
     motion = filter_motion(read.series)
     tests, samples = identify(read.arm, [motion]).tests, len(read.series.times)

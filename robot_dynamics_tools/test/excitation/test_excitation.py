@@ -50,28 +50,26 @@ def test_a_series_is_at_rest_at_both_ends_and_its_derivatives_are_its_own(harmon
 
 # ------------------------------------------------------------------------------ the motion
 
-@pytest.fixture(scope='module')
-def dynamics() -> ArmDynamics:
-    return ArmDynamics(load_arm(default_arm_urdf()))
+DYNAMICS = ArmDynamics(load_arm(default_arm_urdf()))
 
 
 @pytest.fixture(scope='module')
-def excitation(dynamics: ArmDynamics) -> Excitation:
+def excitation() -> Excitation:
     """Return a motion that is also limited by efforts, as the arm may use few of them."""
-    limits = motion_limits(dynamics, velocity_scale=0.5, effort_scale=0.4, acceleration=20.0)
-    return find_excitation(dynamics, limits, HARMONICS, DURATION)
+    limits = motion_limits(DYNAMICS, velocity_scale=0.5, effort_scale=0.4, acceleration=20.0)
+    return find_excitation(DYNAMICS, limits, HARMONICS, DURATION)
 
 
-def test_no_limit_is_passed_anywhere(dynamics, excitation):
+def test_no_limit_is_passed_anywhere(excitation):
     """With the interpolation of the node, at ten times as many instants as in the search."""
-    found = exciting_trajectory(excitation, dynamics)
+    found = exciting_trajectory(excitation, DYNAMICS)
     trajectory = found.trajectory
     q, v, a = sample_trajectory(trajectory, np.linspace(0.0, DURATION, 9973))
-    limits, arm = excitation.limits, dynamics.arm
+    limits, arm = excitation.limits, DYNAMICS.arm
     assert (np.abs(q - limits.start) <= math.pi).all()
     assert (np.abs(v).max(axis=0) <= 0.5 * arm.limits.velocity).all()
     assert (np.abs(a).max(axis=0) <= 20.0).all()
-    used = np.abs(dynamics.inverse_dynamics_batch(q, v, a)).max(axis=0) / arm.limits.effort
+    used = np.abs(DYNAMICS.inverse_dynamics_batch(q, v, a)).max(axis=0) / arm.limits.effort
     assert 0.36 < used.max() <= 0.4
     assert found.interpolation_error < 1e-7
     for point in (trajectory.points[0], trajectory.points[-1]):
@@ -116,11 +114,11 @@ def test_the_ranking_search_finds_the_minimum_of_an_ill_conditioned_quadratic():
     assert found == pytest.approx(goal, abs=1e-6)
 
 
-def test_the_condition_number_is_that_of_the_base_regressor(dynamics):
+def test_the_condition_number_is_that_of_the_base_regressor():
     """For a planar arm with two links the result is known: seven columns, and friction."""
     random = np.random.default_rng(5)
     q, v, a = random.normal(size=(3, 50, 2))
-    condition = ConditionNumber(dynamics.arm)
+    condition = ConditionNumber(DYNAMICS.arm)
     assert condition.parameter_count == 7 + 6
     values = condition(Reference(q, v, a))
     assert condition(Reference(q, v, a)) == values > 1.0
@@ -146,9 +144,9 @@ def test_rounded_angles_of_a_urdf_excite_no_parameters():
     ({'start': np.array([math.inf, 0.0])}, r'start\[0\] \(joint1\) is inf'),
     ({'start': np.array([0.0])}, 'start has 1 values, expected 2'),
 ])
-def test_limits_that_make_no_sense_are_refused(dynamics, settings, words):
+def test_limits_that_make_no_sense_are_refused(settings, words):
     with pytest.raises(InvalidInputError, match=words):
-        motion_limits(dynamics, **settings)
+        motion_limits(DYNAMICS, **settings)
 
 
 def test_a_start_that_leaves_no_room_is_refused():
@@ -159,8 +157,8 @@ def test_a_start_that_leaves_no_room_is_refused():
 
 # ------------------------------------------------------------------------------ the file
 
-def test_a_file_is_a_message_and_comes_back(dynamics, excitation, tmp_path):
-    trajectory = exciting_trajectory(excitation, dynamics, lead=2.0).trajectory
+def test_a_file_is_a_message_and_comes_back(excitation, tmp_path):
+    trajectory = exciting_trajectory(excitation, DYNAMICS, lead=2.0).trajectory
     path = tmp_path / 'trajectory.yaml'
     write_trajectory(path, trajectory)
     data = json.loads(path.read_text(encoding='utf-8'))

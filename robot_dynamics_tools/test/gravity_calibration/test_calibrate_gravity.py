@@ -56,6 +56,7 @@ def files(tmp_path_factory: pytest.TempPathFactory, drives: HiddenDrives) -> Pat
 
 
 def run(files: Path, output: Path, recording: str, *options: str) -> int:
+    """Run the tool on one of the recordings, or on that of an absolute path."""
     return main([str(files / recording), '--urdf', str(files / 'arm.urdf'), '-o', str(output),
                  *options])
 
@@ -125,8 +126,7 @@ def test_recorded_commands_give_the_calibration_of_the_command(files, drives, tm
     record_holds(
         tmp_path / 'both', drives, poses_of(drives.arm, 8), command_scale=np.array([-0.5, 1.5]))
     output = tmp_path / 'calibrated.yaml'
-    assert main([str(tmp_path / 'both'), '--urdf', str(files / 'arm.urdf'), '-o',
-                 str(output)]) == 0
+    assert run(files, output, str(tmp_path / 'both')) == 0
     values = read_parameter_file(output)
     np.testing.assert_allclose(values['effort.report_scale'], drives.scale, rtol=2e-5)
     np.testing.assert_allclose(values['effort.command_scale'], [-0.5, 1.5], rtol=2e-5)
@@ -160,8 +160,7 @@ def test_values_that_the_nodes_refuse_are_not_written(files, drives, tmp_path, c
     wrong = replace(drives, scale=np.array([1.0, 7.0]))
     record_holds(tmp_path / 'wrong', wrong, poses_of(drives.arm, 8))
     output = tmp_path / 'calibrated.yaml'
-    assert main([str(tmp_path / 'wrong'), '--urdf', str(files / 'arm.urdf'), '-o',
-                 str(output)]) == 1
+    assert run(files, output, str(tmp_path / 'wrong')) == 1
     printed, errors = capsys.readouterr()
     assert not output.exists()
     assert (tmp_path / 'calibrated.html').is_file()

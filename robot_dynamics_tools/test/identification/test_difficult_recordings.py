@@ -9,8 +9,6 @@ Recordings of different arms, and of an arm with the URDF of another, are named.
 `identify` on a joint follows from the residuals of three models.
 """
 
-from pathlib import Path
-
 from arm_motions import fourier_motion, moves_with_pauses, States
 from identification_bench import (
     changed_arm,
@@ -22,6 +20,7 @@ from identification_bench import (
 )
 import numpy as np
 import pytest
+from recordings import needs_ur10, UR10
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.regressor import inertial_parameters, random_states
@@ -192,7 +191,6 @@ def test_ten_short_recordings_are_pooled():
     assert tests['consistent'].relative()[:3].max() < 0.1
 
 
-UR10 = Path(__file__).parents[3] / '../shared/data/ur10'
 RATE, DURATION = 125.0, 20.0
 
 
@@ -239,7 +237,7 @@ def test_the_urdf_of_another_arm_is_named(urdf, name, is_far):
 
 
 @pytest.mark.soak
-@pytest.mark.skipif(not UR10.is_dir(), reason='the recording of a UR10 is missing')
+@needs_ur10
 @pytest.mark.parametrize(('urdf', 'is_far'), [('ur10', False), ('ur5', True)])
 def test_the_urdf_of_another_arm_is_named_for_a_real_arm(urdf, is_far):
     read = read_for_arm(UR10, AnalysisSettings(urdf=robot_urdf(urdf)))

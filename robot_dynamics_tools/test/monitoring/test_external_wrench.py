@@ -10,6 +10,7 @@ The causal filter, the filtered residual, and the noise of the estimates.
 from dataclasses import replace
 import math
 
+from controller_bench import ARM
 from counted_calls import calls_of
 import numpy as np
 from one_joint_arm import arm_of
@@ -22,7 +23,6 @@ from robot_dynamics.model.effort_deviation import make_uncertainty
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.unchecked_rigid_body import HAS_PARALLEL_RNEA
 from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_tools.monitoring.external_wrench import ExternalWrenchEstimator, WrenchEstimate
 from robot_dynamics_tools.monitoring.live_residual import LiveResidual
 from robot_dynamics_tools.monitoring.low_pass import LowPass
@@ -182,7 +182,6 @@ def test_bad_input_is_rejected(options, words):
 
 CUTOFF = 5.0
 OMEGA = 2.0 * math.pi * CUTOFF
-ARM = load_arm(default_arm_urdf())
 
 
 # ------------------------------------------------------------------------------ the filter

@@ -3,16 +3,15 @@
 
 """Marks of a 3-D view at an arm: arcs at joints, the ellipsoid of a link, payloads."""
 
+from controller_bench import ARM
 import numpy as np
 import numpy.testing as npt
 import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_tools.pictures.arm_marks import ArmMarks, effort_line, effort_scale, JointPlace
 from robots import robot_urdf
 
-ARM = load_arm(default_arm_urdf())
 AXIS = np.array([1.0, 2.0, -2.0]) / 3.0
 PLACE = JointPlace(np.array([0.3, -0.2, 0.5]), AXIS, False)
 

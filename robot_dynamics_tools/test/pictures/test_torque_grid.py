@@ -51,15 +51,11 @@ def arm(request):
     return load_arm(robot_urdf(request.param))
 
 
-def motion_of(arm):
-    return np.random.default_rng(2).normal(0.0, 1.0, (2, arm.joint_count))
-
-
 # --- the values ----------------------------------------------------------------------------------
 
 def test_values_are_those_of_the_library_at_each_point(arm):
     arm = arm.with_friction(make_friction(arm.joint_names, [0.8], [1.5]))
-    v, a = motion_of(arm)
+    v, a = np.random.default_rng(2).normal(0.0, 1.0, (2, arm.joint_count))
     home = np.clip(np.linspace(0.3, -0.4, arm.joint_count), arm.limits.lower, arm.limits.upper)
     grid = make_grid(arm, arm.joint_names[1:3], home, samples=9)
     gravity, motion = gravity_efforts(arm, grid), motion_efforts(arm, grid, v, a)

@@ -24,9 +24,11 @@ FORMATS = {
 """The formats by name: the storage and the compression of rosbags."""
 ROSBAG2 = Path(__file__).parents[4] / 'shared' / 'data' / 'rosbag2'
 """Recordings that rosbag2 itself wrote, of the nodes of this package with the default arm."""
+UR10 = ROSBAG2.with_name('ur10')
+"""A recording of a real arm."""
 NO_ROSBAG2 = 'the recordings of rosbag2 are missing: no shared/data/rosbag2 next to the project'
-
-
+needs_ur10 = pytest.mark.skipif(not UR10.is_dir(), reason='the recording of a UR10 is missing')
+"""Skip a test without that recording."""
 MADE = {f'made_{form}': form for form in FORMATS}
 """Names of recordings that tests make, each in a format of FORMATS."""
 
