@@ -167,8 +167,9 @@ class DriveModel:
         self._passive = np.stack((-sign, -window.acceleration, -held), axis=-1)
         late = np.abs(np.diff(window.commanded, axis=0, prepend=window.commanded[:1]))
         at_rest = np.where(sign == 0.0, sum(joints.friction), 0.0)
+        change = SPEED_NOISE + 2.0 * window.error  # twice that of the mean of both velocities
         self.noise = np.sqrt(
-            (window.inertia * (SPEED_NOISE + 2.0 * window.error) / duration)**2 + (0.005 * limit)**2
+            (window.inertia * change / duration)**2 + (0.005 * limit)**2
             + (0.03 * window.needed)**2 + (DELAY / duration * late)**2 + at_rest**2)
         turns = np.zeros_like(sign, dtype=bool)
         turns[1:] = window.acceleration[1:] * window.acceleration[:-1] < 0.0

@@ -43,7 +43,7 @@ DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
 MUJOCO_ARM = 'robot_dynamics_tools.mujoco.mujoco_arm'
 MONITOR = 'robot_dynamics_tools.monitor.node'
-UNHURRIED = {'state_timeout': 60.0, 'state_max_age': 0.0}
+UNHURRIED = {'state_timeout': 60.0, 'state_max_age': 60.0}
 """Timeouts for a test that publishes joint states itself, not in lock-step, on a busy machine."""
 NO_SHARED_MEMORY = {
     'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET', 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}

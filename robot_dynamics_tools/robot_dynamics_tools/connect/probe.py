@@ -217,9 +217,7 @@ class Probes:
         """
         Move the reference of joint j from `start` (n,) by steps, at first `first`, until it moves.
 
-        Return torque, g(q) and reported effort of the joint, and how far it is from its start. If
-        it has moved they are work by way, in which no torque counts while the joint sticks. The
-        torque between two states answers the state before them: it needs a period to act.
+        Return torque, g(q) and reported effort of the joint, and how far it is from its start.
         """
         watch, limits = self._watch, self._arm.limits
         began, goal, k = watch.measured()[j], start.copy(), first
@@ -236,10 +234,7 @@ class Probes:
             if is_moved or k >= REACH or feedback >= FRICTION * limits.effort[j]:
                 break
             k += 1
-        passed = np.diff(q)[1:]
-        values = np.stack([tau[:-2], 0.5 * (g[1:-1] + g[2:]), 0.5 * (effort[1:-1] + effort[2:])])
-        is_moved = abs(passed.sum()) > 0.25 * abs(step)
-        mean = values @ passed / passed.sum() if is_moved else values[:, -10:].mean(axis=1)
+        mean = work_by_way(tau, g, effort, q, 0.25 * abs(step))
         return mean, abs(watch.measured()[j] - start[j])
 
     def _of_joint(self, j: int) -> FloatArray:
@@ -269,6 +264,22 @@ class Probes:
             if status.name in (f'{NODE}: drive', f'{NODE}: reference'):
                 self._values |= {pair.key: pair.value for pair in status.values}
                 self._stiffness |= values_per_joint(status.values, STIFFNESS)
+
+
+def work_by_way(
+    tau: FloatArray, g: FloatArray, effort: FloatArray, q: FloatArray, least: float,
+) -> FloatArray:
+    """
+    Return the mean torque, g(q) and reported effort (3,) of a joint, each (N,), along its way q.
+
+    They are work by way, in which no torque counts while the joint sticks. The torque between two
+    states answers the state before them: it needs a period to act. If the joint moves by less than
+    `least` [rad] or [m], they are the means of the last states.
+    """
+    passed = np.diff(q)[1:]
+    values = np.stack([tau[:-2], 0.5 * (g[1:-1] + g[2:]), 0.5 * (effort[1:-1] + effort[2:])])
+    way = float(passed.sum())
+    return np.asarray(values @ passed / way if abs(way) > least else values[:, -10:].mean(axis=1))
 
 
 def drive_settings(
