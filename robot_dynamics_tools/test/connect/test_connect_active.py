@@ -58,7 +58,7 @@ def connected(options: list[str], friction: Sequence[float]) -> tuple[int, Float
     """Return the exit status, how far the joints moved (2,), and whether an effort was late."""
     with arm(friction), RosClient() as client, client.collect(
             JointState, '/joint_states', BEST_EFFORT) as states, client.collect(
-            JointState, '/effort_command', BEST_EFFORT) as efforts:
+            JointState, '/connect/dynamics/computed_torque', BEST_EFFORT) as efforts:
         status = main(options)
         far = np.abs([np.subtract(state.position, START) for state in states.messages])
         times = [stamp_from_ros(effort.header.stamp) for effort in efforts.messages]
