@@ -70,11 +70,11 @@ class Swing:
         """`frequency` is in [rad/s]; the velocities are up to amplitude × frequency."""
         self._center = np.array(center)
         self._amplitude = np.where(np.equal(amplitude, 0.0), 1e-9, amplitude)  # no sample repeats
-        self._frequency = frequency
+        self._frequency, self._begin = frequency, time.time_ns()
 
     def at(self, nanoseconds: int) -> tuple[np.ndarray, np.ndarray]:
         """Return position and velocity (n,) at a time [ns]."""
-        phase = self._frequency * (nanoseconds % (1000 * NANOSECONDS)) / NANOSECONDS
+        phase = self._frequency * (nanoseconds - self._begin) / NANOSECONDS
         return (self._center + self._amplitude * np.sin(phase),
                 self._frequency * self._amplitude * np.cos(phase))
 

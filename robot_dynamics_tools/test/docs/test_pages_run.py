@@ -117,7 +117,7 @@ def test_the_tutorial(tmp_path):
     page = text_of('docs/tutorial.md')
     gains = 'gains.natural_frequency: [30.0]\n'
     assert gains in page
-    page = page.replace(gains, f'{gains}    state_timeout: 60.0\n    state_max_age: 0.0\n')
+    page = page.replace(gains, f'{gains}    state_timeout: 60.0\n    state_max_age: 60.0\n')
     printed = [each for section in page.split('\n## ')  # each ends its nodes
                for each in run_page(section, tmp_path, NO_STATUSES, '-p', 'rate:=125.0')]
     assert table_headings(page) <= table_headings('\n'.join(out for _, out in printed))
