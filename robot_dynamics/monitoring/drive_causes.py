@@ -126,14 +126,21 @@ class Joints(NamedTuple):
 
     @classmethod
     def of_arm(cls, arm: ArmModel, without: float) -> 'Joints':
-        """Return those of an arm; `without` [N·m] or [N] is the limit of joints without one."""
+        """
+        Return those of an arm; `without` [N·m] or [N] is the limit of joints without one.
+
+        The friction of an identified arm has the deviation of the live residual.
+        """
         limit = np.where(np.isfinite(arm.limits.effort) & (arm.limits.effort > 0.0),
                          arm.limits.effort, without)
-        dry = arm.friction.at_rest.static
+        dry, found = arm.friction.at_rest.static, arm.uncertainty
         is_known = arm.reflected_inertia > 0.0
+        error = np.zeros_like(limit) if found is None else np.hypot(
+            found.friction_deviation, found.noise_deviation)
+        usual = np.where(error > 0.0, 0.0, FRICTION[0] * limit)
+        spread = np.where(error > 0.0, error, FRICTION[1] * limit)
         return cls(
-            limit, (np.maximum(FRICTION[0] * limit, dry),
-                    np.maximum(FRICTION[1] * limit, KNOWN_FRICTION * dry)),
+            limit, (np.maximum(usual, dry), np.maximum(spread, KNOWN_FRICTION * dry)),
             (np.where(is_known, 0.0, ROTOR[0] * limit), ROTOR[1] * limit),
             arm.pinocchio_model.inertias[arm.joint_count].mass)
 
@@ -167,7 +174,7 @@ class DriveModel:
         self._passive = np.stack((-sign, -window.acceleration, -held), axis=-1)
         late = np.abs(np.diff(window.commanded, axis=0, prepend=window.commanded[:1]))
         at_rest = np.where(sign == 0.0, sum(joints.friction), 0.0)
-        change = SPEED_NOISE + 2.0 * window.error  # twice that of the mean of both velocities
+        change = SPEED_NOISE + 1.4 * window.error  # of two velocities, by that of their mean
         self.noise = np.sqrt(
             (window.inertia * change / duration)**2 + (0.005 * limit)**2
             + (0.03 * window.needed)**2 + (DELAY / duration * late)**2 + at_rest**2)

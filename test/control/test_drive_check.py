@@ -4,6 +4,7 @@
 """The drive check: wrong drives are named at the joint that has them, right ones never."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 import re
 from typing import Any
 
@@ -11,7 +12,10 @@ from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.effort_deviation import make_uncertainty
 from robot_dynamics.model.payload import make_payload
+from robot_dynamics.monitoring.drive_causes import Joints
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 Q = {'ur5': np.array([0.0, -1.2, 1.2, -1.0, -1.2, 0.2]),
@@ -180,6 +184,20 @@ def test_an_arm_that_rests_shows_nothing():
     one = Driven('ur5')
     one.run(0.6)
     assert one.words() == ['not observable yet'] * 6
+
+
+def test_the_friction_of_an_identified_arm_has_the_deviation_of_the_live_residual():
+    arm = smooth_arm('ur5')  # limits 150 and 28 N·m
+    arm = arm.with_friction(make_friction(arm.joint_names, coulomb=[4.0]))
+    mean, deviation = Joints.of_arm(arm, 100.0).friction
+    assert [mean[0], mean[5], deviation[0], deviation[5]] == pytest.approx([4.5, 4.0, 3.0, 1.2])
+    for noise, expected in ((3.0, 5.0), (0.1, 4.0)):
+        found = replace(arm, uncertainty=make_uncertainty(
+            arm, noise_deviation=[noise], noise_bandwidth=10.0, friction_deviation=[4.0],
+            friction_velocity=[0.1]))
+        mean, deviation = Joints.of_arm(found, 100.0).friction
+        assert mean == pytest.approx(4.0)
+        assert deviation == pytest.approx(expected, rel=1e-2)
 
 
 # --- reports -------------------------------------------------------------------------------------
