@@ -8,6 +8,7 @@ import math
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
 from robot_dynamics.control.gate import DECAY
 
 FAULT_DAMPING = 0.5
@@ -41,8 +42,10 @@ def braked(
             a = a + K_p * (q - np.clip(q, limits.lower, limits.upper))
         damping = M @ a
         if lost is not None:
-            a = FAULT_DAMPING * K_d * np.clip(v, -planned, planned)
-            damping = np.where(lost, M @ a, damping)
+            plan = FAULT_DAMPING * K_d * np.clip(v, -planned, planned)
+            rest = _beside(M, lost, 1.0 / (FAULT_DAMPING * K_d.max() * (
+                LOOP_DELAY + np.max(controller.gains.lag)))) @ np.where(lost, 0.0, a - plan)
+            damping = M @ plan + np.where(lost, 0.0, rest)
         clipped = torque - np.clip(torque - damping, -limit, limit)
         free = np.maximum(limit - np.where(damping > 0.0, -torque, torque), 0.0)
         share = np.where(damping != 0.0, free / np.abs(damping), 1.0)
@@ -52,6 +55,20 @@ def braked(
         if not np.isfinite(torque).all():
             return holding
         return torque if drive is None else drive.command(torque)
+
+
+def _beside(M: FloatArray, lost: BoolArray, largest: float) -> FloatArray:
+    """
+    Return the inertia (n, n) that damps the joints beside `lost` ones (n,).
+
+    A lost joint moves as it likes: then a light joint with a parallel axis, damped with the
+    inertia of both, would stop within the delay of the loop, and oscillate. So its damping is at
+    most `largest` times that of the joint alone.
+    """
+    c = M[:, lost]
+    taken = c @ np.linalg.pinv(c[lost]) @ c.T  # by lost joints that are free
+    growth = float((taken / (M - taken)).diagonal()[~lost].max(initial=0.0))
+    return M - max(0.0, 1.0 - max(largest - 1.0, 0.0) / max(growth, 1e-9)) * taken
 
 
 def braking_share(

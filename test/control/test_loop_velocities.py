@@ -90,6 +90,22 @@ def test_a_joint_whose_sample_is_frozen_is_a_fault(name, j, rate):
     assert set(trace.mode[named_after:]) == {Mode.FAULT}
 
 
+@pytest.mark.parametrize('j', [0, 2])
+@pytest.mark.parametrize('name', ['panda', 'xarm7'])
+def test_a_joint_does_not_oscillate_beside_a_frozen_one_with_a_parallel_axis(name, j):
+    """Without friction; damped with the inertia of both, it reached 4 to 29 times its limit."""
+    one = LockStep(smooth_arm(name), rate=125.0, delay=8)
+    if name == 'panda':
+        one.q = np.array([0.0, -0.3, 0.0, -1.8, 0.0, 1.7, 0.0])
+    one.run(0.3)
+    one.follow(one.q + 0.2 * directions(7))
+    one.run(0.5)
+    one.sensor = frozen(j)
+    ratio = float((np.abs(one.run(0.7).v) / one.arm.limits.velocity).max())
+    assert one.loop.supervisor.fault.name == 'frozen_joint'
+    assert ratio < 0.5
+
+
 def test_a_state_that_repeats_as_a_whole_in_motion_is_no_state():
     """The reaction of the timeout follows within 50 ms; it ends when a position changes."""
     one = in_motion()
