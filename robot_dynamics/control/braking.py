@@ -43,7 +43,7 @@ def braked(
         damping = M @ a
         if lost is not None:
             plan = FAULT_DAMPING * K_d * np.clip(v, -planned, planned)
-            rest = _beside(M, lost, 1.0 / (FAULT_DAMPING * K_d.max() * (
+            rest = _inertia_without(M, lost, 1.0 / (FAULT_DAMPING * K_d.max() * (
                 LOOP_DELAY + np.max(controller.gains.lag)))) @ np.where(lost, 0.0, a - plan)
             damping = M @ plan + np.where(lost, 0.0, rest)
         clipped = torque - np.clip(torque - damping, -limit, limit)
@@ -57,11 +57,11 @@ def braked(
         return torque if drive is None else drive.command(torque)
 
 
-def _beside(M: FloatArray, lost: BoolArray, largest: float) -> FloatArray:
+def _inertia_without(M: FloatArray, lost: BoolArray, largest: float) -> FloatArray:
     """
-    Return the inertia (n, n) that damps the joints beside `lost` ones (n,).
+    Return the inertia (n, n) that damps the joints which are not `lost` (n,).
 
-    A lost joint moves as it likes: then a light joint with a parallel axis, damped with the
+    A lost joint moves freely: then a light joint with a parallel axis, damped with the
     inertia of both, would stop within the delay of the loop, and oscillate. So its damping is at
     most `largest` times that of the joint alone.
     """
