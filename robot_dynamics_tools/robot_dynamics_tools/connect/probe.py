@@ -49,9 +49,13 @@ NAMESPACE = '/connect'
 NODE = f'{NAMESPACE}/dynamics'
 STEP = 0.02, 0.005
 """[rad], [m]: displacement of a probe."""
-REACH, FRICTION = 20, 0.08
-"""Steps that the reference may go, and effort by its limit, until a joint that friction holds
-moves."""
+REACH, FRICTION = 8, 0.08
+"""
+Steps that the reference may go, and effort by its limit, until a joint that friction holds moves.
+
+A joint with more steps until this effort may need them. Gains that a busy machine has lowered grow
+again: then the joint goes to the reference.
+"""
 START_TIME = 30.0
 """[s] that the node may take to start."""
 MOVE_TIME, HOLD_TIME = 0.5, 2.0
@@ -129,6 +133,7 @@ class Probes:
         self._values: dict[str, str] = {}
         """Values of the statuses `drive` and `reference`."""
         self._stiffness: dict[str, float] = {}
+        """The largest stiffness [N·m/rad] or [N/m] of each joint, as with all gains."""
 
     def run(self, used: Settings, node: NodeProcess) -> Settings:
         """
@@ -221,6 +226,8 @@ class Probes:
         """
         watch, limits = self._watch, self._arm.limits
         began, goal, k = watch.measured()[j], start.copy(), first
+        stiffness = self._stiffness.get(self._arm.joint_names[j], np.inf)
+        reach = max(REACH, FRICTION * limits.effort[j] / (stiffness * abs(step)))
         self._torque.clear()
         self._states.clear()
         while True:
@@ -231,7 +238,7 @@ class Probes:
             tau, g, effort, q = self._of_joint(j)
             is_moved = (watch.measured()[j] - began) * np.sign(step) > 0.5 * abs(step)
             feedback = (tau[-1] - g[-1]) * np.sign(step)
-            if is_moved or k >= REACH or feedback >= FRICTION * limits.effort[j]:
+            if is_moved or k >= reach or feedback >= FRICTION * limits.effort[j]:
                 break
             k += 1
         mean = work_by_way(tau, g, effort, q, 0.25 * abs(step))
@@ -263,7 +270,8 @@ class Probes:
         for status in message.status:
             if status.name in (f'{NODE}: drive', f'{NODE}: reference'):
                 self._values |= {pair.key: pair.value for pair in status.values}
-                self._stiffness |= values_per_joint(status.values, STIFFNESS)
+                for name, value in values_per_joint(status.values, STIFFNESS).items():
+                    self._stiffness[name] = max(value, self._stiffness.get(name, 0.0))
 
 
 def work_by_way(

@@ -67,10 +67,14 @@ def connected(options: list[str], friction: Sequence[float]) -> tuple[int, Float
 
 @pytest.mark.parametrize('friction', [(0.0, 0.0), (9.0, 3.6)])  # up to 6 % of the limits
 def test_an_arm_is_held_and_moved_no_more_than_the_probes(friction, options, capsys, tmp_path):
-    """A machine on which efforts are more than 0.05 s late may end the motion, or show less."""
+    """
+    On a machine on which efforts are more than 0.05 s late, the arm moves on without feedback.
+
+    That may end the motion, or show less: the timeouts which prevent it are switched off here.
+    """
     status, far, is_late = connected(options, friction)
     out = ''.join(capsys.readouterr())
-    assert (far < 0.17).all(), out
+    assert (far < (1.0 if is_late else 0.17)).all(), out
     if is_late:
         assert status in (0, 1)
         return
