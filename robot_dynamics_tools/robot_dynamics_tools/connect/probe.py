@@ -53,8 +53,8 @@ REACH, FRICTION = 8, 0.08
 """
 Steps that the reference may go, and effort by its limit, until a joint that friction holds moves.
 
-A joint with more steps until this effort may need them. Gains that a busy machine has lowered grow
-again: then the joint goes to the reference.
+A joint with more steps until this effort may need up to three times as many. Gains that a busy
+machine has lowered grow again: then the joint goes to the reference.
 """
 START_TIME = 30.0
 """[s] that the node may take to start."""
@@ -227,7 +227,8 @@ class Probes:
         watch, limits = self._watch, self._arm.limits
         began, goal, k = watch.measured()[j], start.copy(), first
         stiffness = self._stiffness.get(self._arm.joint_names[j], np.inf)
-        reach = max(REACH, FRICTION * limits.effort[j] / (stiffness * abs(step)))
+        reach = min(3.0 * REACH, max(
+            float(REACH), FRICTION * limits.effort[j] / max(stiffness * abs(step), 1e-9)))
         self._torque.clear()
         self._states.clear()
         while True:
